@@ -21,9 +21,9 @@ from kheperax.tasks.config import KheperaxConfig
 from kheperax.tasks.main import KheperaxTask
 from step import LIFETIME, individuals, microseconds, ours, plain
 
-from epuckhebb.adaptation.controller import GA_ALONE
 from epuckhebb.analysis.tables import markdown_table
 from epuckhebb.controller.network import PAPER_NETWORK
+from epuckhebb.tmaze.individual import GA_ALONE
 from epuckhebb.tmaze.maze import T_MAZE, boxes
 from epuckhebb.tmaze.robot import EPUCK
 

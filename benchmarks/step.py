@@ -13,7 +13,6 @@ from statistics import median
 
 import numpy as np
 
-from epuckhebb.adaptation.controller import GA_ALONE, Controller
 from epuckhebb.config.parts import part_class, part_names
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import PAPER_NETWORK
@@ -22,10 +21,10 @@ from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.controller.random import Stream, key
 from epuckhebb.evolution.optimizer import initial
 from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.maze import SIDES
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.session import Individual
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 import reference

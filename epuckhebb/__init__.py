@@ -35,6 +35,7 @@ __all__ = [
     "Optimizer",
     "Rule",
     "Sensor",
+    "Study",
     "Task",
     "Wiring",
     "evaluate",
@@ -57,6 +58,7 @@ if TYPE_CHECKING:
     from epuckhebb.evolution.optimizer import Optimizer
     from epuckhebb.evolution.optimizers.ga import GA
     from epuckhebb.flock.coupling import Coupling
+    from epuckhebb.studies.study import Study
     from epuckhebb.tmaze.life import Lifetime
     from epuckhebb.tmaze.own_fitness import Fitness
     from epuckhebb.tmaze.own_sensor import Sensor
@@ -76,6 +78,7 @@ _FROM = {  # name -> where it is, if not in `api`
     "Optimizer": "evolution.optimizer",
     "Rule": "controller.plasticity.rule",
     "Sensor": "tmaze.own_sensor",
+    "Study": "studies.study",
     "Task": "tmaze.task",
     "Wiring": "controller.wiring",
     "tanh": "controller.network",

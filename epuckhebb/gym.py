@@ -28,9 +28,10 @@ from epuckhebb.controller.network import (
 from epuckhebb.controller.plasticity.rule import NoRule
 from epuckhebb.controller.random import Stream, key
 from epuckhebb.runtime import ConfigError
+from epuckhebb.tmaze.individual import Individual
 from epuckhebb.tmaze.maze import SIDES, Side
 from epuckhebb.tmaze.robot import OUTPUTS
-from epuckhebb.tmaze.session import Individual, Session
+from epuckhebb.tmaze.session import Session
 from epuckhebb.tmaze.simulator import Simulator
 
 ID = "epuckhebb/TMaze-v0"
@@ -97,7 +98,9 @@ class TMaze(gymnasium.Env[Floats, Floats]):
             task_key=int(drawn[1]),
         )
         self.session = Session(individual, self.world, self.lifetime, simulator=self._simulator)
-        self._given, self._distance = 0.0, None if self.reward != "progress" else self._goal_distance()
+        x, y, _ = self.session.pose
+        goal = self.world.goals_now[individual.side]
+        self._given, self._distance = 0.0, float(np.hypot(x - goal.x, y - goal.y))
         return self.session.look(), {"side": individual.side}
 
     def step(self, action: Floats) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
@@ -116,31 +119,23 @@ class TMaze(gymnasium.Env[Floats, Floats]):
         info = {"goal_distance": distance, "success": distance < self.world.maze.goal_radius_m}
         if is_over:
             info["outcome"] = self.session.outcome()
-        return self.session.look(), self._reward(sum_before, distance, info, is_over), is_over, False, info
-
-    def _reward(self, sum_before: float, distance: float, info: dict[str, Any], is_over: bool) -> float:
         if self.reward == "progress":
-            before, self._distance = self._distance, distance
-            return 0.0 if before is None else before - distance
-        if self.reward == "success":
-            return float(is_over and info["success"])
-        reward = (self._sum() - sum_before) / self.lifetime.steps
-        if is_over:
-            reward = info["outcome"].fitness - self._given
-        self._given += reward
-        return reward
+            reward = self._distance - distance
+            self._distance = distance
+        elif self.reward == "success":
+            reward = float(is_over and info["success"])
+        else:
+            reward = (self._sum() - sum_before) / self.lifetime.steps
+            if is_over:
+                reward = info["outcome"].fitness - self._given
+            self._given += reward
+        return self.session.look(), reward, is_over, False, info
 
     def _sum(self) -> float:
         """The part of the fitness that is a sum over the steps, times the steps: that of the paper, or of `step`."""
         if self.world.fitness.is_own:
             return float(self.session.life.score["sum"][0])
         return 0.0 if self.world.task.has_trials else float(self.session.life.tally["behaviour_sum"][0]) / 2.0
-
-    def _goal_distance(self) -> float:
-        """The distance from the goal [m] before the first step."""
-        x, y, _ = self.session.pose
-        goal = self.world.goals_now[self.session.individual.side]
-        return float(np.hypot(x - goal.x, y - goal.y))
 
 
 def _check_side(side: Any) -> None:

@@ -12,16 +12,17 @@ import pytest
 import reference
 from omegaconf import OmegaConf
 
-from epuckhebb.adaptation.controller import GA_ALONE, Controller
 from epuckhebb.config.parts_from_yaml import robot_from
 from epuckhebb.controller.network import PAPER_NETWORK, Network, by_layer
 from epuckhebb.controller.plasticity.rules.paper import Paper
+from epuckhebb.studies.study import load_studies
 from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.session import Individual
 
 HERE = Path(__file__).parent
+load_studies()
 
 
 def pytest_configure():

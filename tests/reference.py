@@ -12,6 +12,7 @@ import numba
 import numpy as np
 import pymunk
 
+from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.controller import random
 from epuckhebb.controller.network import PAPER_NETWORK
 from epuckhebb.tmaze import light
@@ -73,7 +74,8 @@ class Robot:
             drawn = random.rng(int(self.key), random.Stream.initial_weights).uniform(-0.1, 0.1, synapses)
             self.genes = self.by_layer(drawn)
         self.signs = self.by_layer(np.ones(sum(g.size for g in self.genes)) if signs is None else signs)
-        self.controller, self.rule, self.adaptation = controller, controller.rule, controller.adaptation
+        self.controller, self.rule = controller, controller.rule
+        self.adaptation = controller.adaptation if controller.adaptation.acts else Adaptation()
         self.task = scenario.task if scenario.task.name == "reversal" else None
         self.trials, self.reward, self.over, self.time_outs = [], 0.0, False, 0
         if self.task is not None:

@@ -13,22 +13,21 @@ from epuckhebb.adaptation.change_signal import SignalContext, no_nominal, update
 from epuckhebb.adaptation.change_signals.late import change_signal as late
 from epuckhebb.adaptation.change_signals.novelty import change_signal as novelty
 from epuckhebb.adaptation.change_signals.shortfall import change_signal as shortfall
-from epuckhebb.adaptation.controller import GA_ALONE, Controller
 from epuckhebb.adaptation.gate import need, resting
 from epuckhebb.adaptation.nominal import REPEATS, measure_nominal
 from epuckhebb.controller.plasticity.control import Sign, signs
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze.batch import run_lifetimes
 from epuckhebb.tmaze.fitness import Signal
+from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.light import Lamp
 from epuckhebb.tmaze.maze import SIDES, T_MAZE
 from epuckhebb.tmaze.robot import EPUCK, STEP_S
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.session import Individual
 
 FAST = {"gain_rad_s": 4.0, "record_every": 1}
-NOTHING = no_nominal(16)
+NOTHING = no_nominal(16, 8)
 
 
 def controller(N=0.0, signal=Signal.behaviour, sign=Sign.hebbian, **adaptation):
@@ -92,7 +91,7 @@ def test_shortfall_is_what_is_missing_at_this_time_of_a_lifetime():
 @pytest.mark.parametrize("inputs", [16, 32])
 def test_novelty_counts_spreads_from_the_likelier_lamp(inputs):
     mean, spread = np.array([np.full(inputs, 0.2), np.full(inputs, 0.8)]), np.full((2, inputs), 0.09)
-    nominal = no_nominal(inputs)._replace(reading_mean=mean, reading_spread=spread)
+    nominal = no_nominal(inputs, 8)._replace(reading_mean=mean, reading_spread=spread)
     assert novelty(context(recent=np.full(inputs + 1, 0.7)), nominal) == pytest.approx(1.0)
     assert novelty(context(recent=np.full(inputs + 1, 0.2)), nominal) == pytest.approx(0.0)
 

@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 from cases import call, done, first_of
 
-from epuckhebb.adaptation.controller import GA
 from epuckhebb.adaptation.nominal import measure_nominal
 from epuckhebb.analysis.rescue import FIGURE
 from epuckhebb.config.compose import composed
@@ -15,6 +14,7 @@ from epuckhebb.config.schema import EvaluateConfig, typed
 from epuckhebb.controller.network import PAPER_NETWORK
 from epuckhebb.runs.evaluate import training_world
 from epuckhebb.store.genome import load_genome
+from epuckhebb.tmaze.individual import GA
 from epuckhebb.tmaze.scenario import TRAINED
 
 BRIEF = ["lifetime.duration_s=3", "lifetime.record_every=0", "repeats=2"]

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from epuckhebb.adaptation.controller import GA_ALONE, Controller
 from epuckhebb.config import hand
 from epuckhebb.config.compose import load
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig
@@ -15,12 +14,13 @@ from epuckhebb.controller.network import initial_weights_of
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.maze import SIDES, Pose
 from epuckhebb.tmaze.reachable import gap
 from epuckhebb.tmaze.robot import EPUCK, STEP_S
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.session import Individual, Session
+from epuckhebb.tmaze.session import Session
 
 LEARNING = Controller(name="Hebbian", rule=Paper(N=0.002))
 LIFETIME = Lifetime(duration_s=20.0, gain_rad_s=4.0, record_every=1)

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuckhebb.adaptation.controller import Controller
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze.fitness import Signal
+from epuckhebb.tmaze.individual import Controller
 from epuckhebb.tmaze.maze import Pose, boxes
 from epuckhebb.tmaze.reachable import gap
 from epuckhebb.tmaze.robot import EPUCK, STEP_S

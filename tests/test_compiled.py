@@ -9,7 +9,7 @@ import tempfile
 
 import pytest
 
-from epuckhebb.adaptation.adaptation import Parts
+from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.config import plugins
 from epuckhebb.controller.compiling.kernel import compiled, in_module, kernel
 from epuckhebb.controller.network import PAPER_NETWORK, Network
@@ -74,7 +74,7 @@ def test_a_class_that_is_from_no_file_of_the_users_is_compiled_in_memory(monkeyp
 
 
 def name_of(rule, network=PAPER_NETWORK):
-    return kernel_of(rule, Parts(), network, EPUCK).py_func.__qualname__
+    return kernel_of(rule, Adaptation(), network, EPUCK).py_func.__qualname__
 
 
 def test_parts_have_names_of_their_own():
@@ -97,12 +97,13 @@ def in_processes(code, arguments, cache):
 
 NAMES = """
 import json
-from epuckhebb.adaptation.adaptation import Parts
+from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.tmaze.lifetime_kernel import kernel_of
 from epuckhebb.controller.network import PAPER_NETWORK
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze.robot import EPUCK
-made = [kernel_of(Paper, Parts(s), PAPER_NETWORK, EPUCK).py_func.__qualname__ for s in ("none", "late", "novelty")]
+kinds = [Adaptation(change_signal=s) for s in ("none", "late", "novelty")]
+made = [kernel_of(Paper, kind, PAPER_NETWORK, EPUCK).py_func.__qualname__ for kind in kinds]
 print(json.dumps(made))
 """
 

@@ -12,11 +12,11 @@ from omegaconf import OmegaConf
 from epuckhebb.adaptation.adaptation import Exploration
 from epuckhebb.cli import completion
 from epuckhebb.config.compose import composed
-from epuckhebb.config.schema import LiveFitness
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.plasticity.rule import InitialWeights
 from epuckhebb.evolution.optimizers.ga import Crossover, Selection
 from epuckhebb.runtime import conf
+from epuckhebb.studies.reproduce import LiveFitness
 from epuckhebb.tmaze.fitness import Signal
 
 PROGRAM = str(Path(sys.executable).parent / "epuckhebb")

@@ -83,7 +83,7 @@ def test_what_is_compared_runs_at_the_papers_rate_of_its_scenario(scenario, rate
     assert paper.rule.N == x.rule.N == y.rule.N == rate
     assert (x.rule.sign.name, y.rule.sign.name) == ("shuffled", "hebbian")
     assert (y.adaptation.change_signal, y.adaptation.active_s, y.adaptation.motor_noise) == ("late", 10, 2)
-    assert not x.adaptation.needs_nominal
+    assert not x.adaptation.acts
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from epuckhebb.adaptation.controller import GA
 from epuckhebb.analysis.evaluate import COLUMNS, evaluate
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, typed
@@ -21,6 +20,7 @@ from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.search import Search
 from epuckhebb.store.genome import load_genome
 from epuckhebb.store.provenance import SCIENCE
+from epuckhebb.tmaze.individual import GA
 from epuckhebb.tmaze.scenario import TRAINED
 
 GOLDEN = Path(__file__).parent / "golden"

@@ -7,14 +7,14 @@ import time
 import pytest
 
 from epuckhebb.config.compose import load
-from epuckhebb.config.schema import ReproduceConfig
 from epuckhebb.runtime import errors, progress
 from epuckhebb.runtime.errors import ConfigError, JobFailedError
 from epuckhebb.runtime.progress import Bar, be_quiet, counting, say
 from epuckhebb.store import disk
 from epuckhebb.studies.jobs import open_study
+from epuckhebb.studies.reproduce import Reproduction
 
-CONFIG = load(ReproduceConfig, [])
+CONFIG = load(Reproduction, [])
 
 
 @pytest.fixture

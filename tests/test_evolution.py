@@ -6,7 +6,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuckhebb.adaptation.controller import GA_ALONE, Controller
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import PAPER_NETWORK, Network
 from epuckhebb.controller.plasticity.control import Sign
@@ -14,6 +13,7 @@ from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.evolution.evolve import evolve, history_row
 from epuckhebb.evolution.optimizer import initial
 from epuckhebb.evolution.optimizers.ga import GA, Crossover, Selection, crossover, mutate, next_generation, select
+from epuckhebb.tmaze.individual import GA_ALONE, Controller
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.scenario import Scenario
 

@@ -9,7 +9,6 @@ import pytest
 from cases import done, first_of, refused
 
 import epuckhebb
-from epuckhebb.adaptation.controller import Controller
 from epuckhebb.controller import random
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import PAPER_NETWORK, Network, by_layer
@@ -27,6 +26,7 @@ from epuckhebb.evolution.optimizer import initial
 from epuckhebb.evolution.optimizers import ga as ga_module
 from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.store.genome import load_genome
+from epuckhebb.tmaze.individual import Controller
 from epuckhebb.tmaze.life import Genotype, Lifetime, workspace_for
 from epuckhebb.tmaze.robot import EPUCK
 from epuckhebb.tmaze.scenario import Scenario

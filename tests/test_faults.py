@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import reference
 
-from epuckhebb.adaptation.controller import GA_ALONE
 from epuckhebb.controller.random import Stream, key
 from epuckhebb.tmaze.faults import FAR, SLIPPING, SPELL, Faults, grip, hooks, initial_past
+from epuckhebb.tmaze.individual import GA_ALONE
 from epuckhebb.tmaze.robot import EPUCK, STEP_S
 from epuckhebb.tmaze.scenario import Scenario
 

@@ -54,6 +54,14 @@ def test_what_cannot_be_drawn_is_refused(runs, tmp_path):
     assert not output.exists()
 
 
+def test_a_figure_of_a_multirun_is_drawn_again(here):
+    words = ["hebbian.N=0.0002,0.002", "scenario=highlight", "repeats=1", "lifetime.duration_s=1", "-q"]
+    done("evaluate", "-m", *words, "lifetime.record_every=0", "hydra.sweep.dir=many")
+    assert done("figure", "many").stdout.split() == ["dose_response"]
+    done("figure", "many", "dose_response", "-o", here / "again.png")
+    assert (here / "again.png").read_bytes() == (here / "many" / "figures" / "dose_response.png").read_bytes()
+
+
 @pytest.mark.thorough
 def test_figures_of_a_study_are_drawn_again(here):
     words = ["hebbian.N=0.0002,0.002", "scenario=highlight,lowlight", "genome=reference_1,reference_2"]

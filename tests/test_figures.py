@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from PIL import Image
 
-from epuckhebb.adaptation.controller import HEBBIAN, Controller
 from epuckhebb.analysis import charts, figures, movie
 from epuckhebb.analysis.evaluate import Traces, evaluate
 from epuckhebb.analysis.floor import floor, view
@@ -19,6 +18,7 @@ from epuckhebb.analysis.image import KINDS, image
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.controller.wirings.elman import Elman
+from epuckhebb.tmaze.individual import HEBBIAN, Controller
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.light import Lamp
 from epuckhebb.tmaze.maze import T_MAZE, Box, Maze, Place, Pose, Region, boxes

@@ -8,7 +8,6 @@ import pytest
 from cases import first_of
 
 from epuckhebb.adaptation.adaptation import Adaptation, Exploration
-from epuckhebb.adaptation.controller import Controller
 from epuckhebb.adaptation.gate import PlasticWhen, Stay
 from epuckhebb.adaptation.nominal import measure_nominal
 from epuckhebb.config.compose import composed
@@ -20,10 +19,10 @@ from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.store.genome import load_genome
 from epuckhebb.tmaze.batch import run_lifetimes
 from epuckhebb.tmaze.goal_signal import SPELL, GoalSignal, goal_signal, initial_signal
+from epuckhebb.tmaze.individual import Controller, Individual
 from epuckhebb.tmaze.maze import Place
 from epuckhebb.tmaze.robot import STEP_S
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.session import Individual
 
 KEY = key(1, Stream.evaluation_noise)
 GIVEN = numba.njit(goal_signal)

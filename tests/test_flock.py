@@ -148,8 +148,8 @@ def test_a_study_is_replayed_with_its_own_coupling(study, tmp_path, monkeypatch)
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("flock.robots=1", "flock.robots must be 2 to 100, got 1"),
-        ("flock.knowers=11", "flock.knowers must be 1 to flock.robots=10, got 11"),
+        ("flock.robots=1", "flock.robots must lie in [2, 100], got 1"),
+        ("flock.knowers=11", "flock.knowers must lie in [1, 10], got 11"),
         ("flock.at_s=2400", "flock.at_s must lie in"),
         ("flock.spacing_m=0.07", "flock.spacing_m must lie in"),
         ("flock.breaks=all", "flock.breaks must be one of none, stranger, knower"),
@@ -157,7 +157,7 @@ def test_a_study_is_replayed_with_its_own_coupling(study, tmp_path, monkeypatch)
         ("flock.knowers=10", "flock.breaks=stranger needs a robot that does not know the way"),
         ("flock.coupling=influence", "flock.coupling must be one of frozen"),
         ("flock.coupling=wrong.py:Wrong", "it gave nan"),
-        ("flock.coupling=wrong.py:Empty", "no method `drive`"),
+        ("flock.coupling=wrong.py:Empty", "needs a method `drive`"),
         ("flock.own.margin=1", "flock.own.margin is no key of coupling transfer_entropy"),
         ("adaptation=late", "no key adaptation"),
         ("scenario.changes=[]", "no key scenario.changes"),

@@ -6,7 +6,6 @@ import pytest
 from cases import done
 
 import epuckhebb
-from epuckhebb.adaptation.controller import Controller
 from epuckhebb.analysis import summary
 from epuckhebb.analysis.evaluate import COLUMNS
 from epuckhebb.analysis.lifetimes import Evaluated, gather
@@ -15,6 +14,7 @@ from epuckhebb.config.schema import EvaluateConfig, typed
 from epuckhebb.controller.plasticity.rule import Rule
 from epuckhebb.runs import evaluate
 from epuckhebb.store.genome import load_genome
+from epuckhebb.tmaze.individual import Controller
 
 UNREADABLE = object()
 SHORT = ["lifetime.duration_s=0.064", "repeats=1", "lifetime.record_every=0"]

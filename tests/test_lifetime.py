@@ -11,8 +11,6 @@ from cases import first_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuckhebb.adaptation.change_signal import no_nominal
-from epuckhebb.adaptation.controller import GA_ALONE, Controller
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.control import Sign, signs
 from epuckhebb.controller.plasticity.rule import NoRule
@@ -23,13 +21,14 @@ from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze import simulator
 from epuckhebb.tmaze.batch import load_kernel, run_lifetimes
 from epuckhebb.tmaze.fitness import Signal
+from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.lifetime_kernel import kernel_of
 from epuckhebb.tmaze.light import Lamp
 from epuckhebb.tmaze.maze import SIDES, Pose
 from epuckhebb.tmaze.robot import Robot
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.session import Individual, LostRobotError
+from epuckhebb.tmaze.session import LostRobotError
 
 DATA = Path(__file__).parent / "data"
 LAMPS = {"wide": Lamp(), "narrow": Lamp(y_m=-0.3, beam_rad=0.8)}
@@ -239,9 +238,6 @@ def test_sizes_that_do_not_fit_are_refused_with_their_numbers(lidar):
     refused(r"234 weights .* got 233", signs=np.ones(233))
     refused(r"network\.layers must begin with 16", 26, network=Network((12, 2)))
     refused(r"network\.layers must begin with 32", scenario=Scenario(robot=lidar))
-    refused(r"reading_mean of shape \(2, 16\), got \(2, 32\)", nominal=no_nominal(32))
-    silent = no_nominal(16)._replace(fitness=np.zeros(0))
-    refused("one second or more", nominal=silent)
     refused(r"network\.layers must end with 2", 85, network=Network((16, 5)))
 
 

@@ -12,13 +12,13 @@ from omegaconf import OmegaConf
 from epuckhebb.config.parts_from_yaml import maze_from
 from epuckhebb.controller.network import PAPER_NETWORK
 from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.individual import Individual
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.light import Lamp
 from epuckhebb.tmaze.maze import SIDES, T_MAZE, Pose, Region, boxes
 from epuckhebb.tmaze.reachable import gap
 from epuckhebb.tmaze.robot import EPUCK
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.session import Individual
 
 CONF = Path(__file__).parents[1] / "conf" / "maze"
 FILES = sorted(CONF.glob("*.yaml"))

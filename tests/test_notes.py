@@ -7,7 +7,6 @@ import pytest
 from cases import call, done
 
 import epuckhebb
-from epuckhebb.adaptation.controller import HEBBIAN
 from epuckhebb.analysis import findings, tables
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvaluateConfig, typed
@@ -15,6 +14,7 @@ from epuckhebb.export.replay import recording, write_page
 from epuckhebb.runs.notes import notes_of, showcase
 from epuckhebb.store.genome import load_genome
 from epuckhebb.store.run import Run
+from epuckhebb.tmaze.individual import HEBBIAN
 from epuckhebb.tmaze.scenario import EXPERIMENTS
 
 REFERENCE = Path(__file__).parents[1] / "runs" / "reference"

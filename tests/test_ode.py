@@ -20,12 +20,13 @@ from epuckhebb.runs.notes import notes_of
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.store import Run
 from epuckhebb.store.genome import load_genome
-from epuckhebb.studies import leaderboard_plan
+from epuckhebb.studies import leaderboard
 from epuckhebb.studies.champions import world_named
 from epuckhebb.tmaze import libode
 from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.individual import Individual
 from epuckhebb.tmaze.life import Lifetime
-from epuckhebb.tmaze.session import Individual, LostRobotError, Session
+from epuckhebb.tmaze.session import LostRobotError, Session
 
 ROOT = Path(__file__).parents[1]
 REFERENCE = ROOT / "runs" / "reference"
@@ -225,7 +226,7 @@ def test_a_champion_knows_its_physics_and_compares_with_a_life_in_it():
 def test_a_method_that_evolves_in_three_dimensions_is_tested_there(tmp_path):
     (tmp_path / "method").mkdir()
     (tmp_path / "method" / "deep.yaml").write_text("evolve: {physics: ode, optimizer: ga}\n", encoding="utf-8")
-    planned = leaderboard_plan.plan("obstacles", ["methods=deep", "champions=1"], config_dir=str(tmp_path))
+    planned = leaderboard.plan("obstacles", ["methods=deep", "champions=1"], config_dir=str(tmp_path))
     assert [job.config["config"]["physics"]["kind"] for job in planned.jobs] == ["ode", "ode"]
 
 

@@ -188,6 +188,7 @@ def test_an_evolution_can_be_stopped_anywhere(name):
         assert [results.digest for results in one.log] == [results.digest for results in other.log]
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("here")
 def test_a_run_of_sep_cma_es_is_resumed_repeated_and_shown():
     done("evolve", *TINY, "optimizer.generations=3", "hydra.run.dir=whole")

@@ -10,20 +10,19 @@ import pytest
 from cases import SHORT, done
 
 from epuckhebb import Fitness, Lifetime
-from epuckhebb.adaptation.adaptation import Parts
-from epuckhebb.adaptation.controller import Controller
 from epuckhebb.config import plugins
 from epuckhebb.controller.network import PAPER_NETWORK, Network
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze.batch import run_lifetimes
 from epuckhebb.tmaze.fitness import Signal
+from epuckhebb.tmaze.individual import Controller, Individual, NoAdaptation
 from epuckhebb.tmaze.lifetime_kernel import kernel_of
 from epuckhebb.tmaze.light import Lamp
 from epuckhebb.tmaze.outcome import OutcomeOfTrials
 from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
 from epuckhebb.tmaze.robot import EPUCK, STEP_S
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.session import Individual, Session
+from epuckhebb.tmaze.session import Session
 from epuckhebb.tmaze.tasks.reversal import Reversal
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "own_fitness" / "my_fitness.py"
@@ -97,7 +96,7 @@ def test_a_fitness_of_a_lifetime_alone_needs_no_kernel_of_its_own(genomes):
     usual, _ = run_lifetimes([session.individual], Scenario(), session.lifetime)[0]
     x, y, _ = session.pose
     assert session.outcome().fitness == usual.fitness + usual.path_length + math.hypot(x, y)
-    parts = (Paper, Parts(), PAPER_NETWORK, EPUCK)
+    parts = (Paper, NoAdaptation(), PAPER_NETWORK, EPUCK)
     assert kernel_of(*parts, fitness=Judged()) is kernel_of(*parts)
 
 

@@ -17,10 +17,10 @@ from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.search import Search
 from epuckhebb.store.run import Run
 from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.individual import Individual
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.maze import SIDES
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.session import Individual
 
 HERE = Path(__file__).parent
 EXAMPLE = HERE.parent / "examples" / "own_optimizer"
@@ -41,6 +41,7 @@ def runs(tmp_path_factory):
     )
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("copy")
 def test_it_is_resumed_to_the_same_genomes_after_its_emitters_have_restarted():
     own = part_class("optimizer", "my_optimizer.py:CmaMe", "optimizer")(cells=5)

@@ -102,7 +102,7 @@ def test_what_cannot_be_a_part_is_refused_with_its_key(kind):
     ):
         with pytest.raises(ConfigError, match=message):
             config_with(kind, text, name, **settings)
-    with pytest.raises(ConfigError, match="there is no Python file"):
+    with pytest.raises(ConfigError, match=r"there is no Python file, FILE\.py, at "):
         load(EvaluateConfig, ["hebbian.rule=nowhere.py:Fine"])
 
 
@@ -241,6 +241,7 @@ EDITED = {
 }  # fmt: skip
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("here")
 @pytest.mark.parametrize("what", [next(iter(EDITED)), pytest.param("an overload", marks=pytest.mark.thorough)])
 def test_an_edit_is_compiled_anew(what):
@@ -344,6 +345,7 @@ def test_a_mistake_in_a_helper_is_reported_with_its_place(tmp_path, helper):
     assert loaded(tmp_path / "my.py").module.DECAY == 1.0
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("here")
 def test_a_run_keeps_two_rules_of_one_file_name_and_needs_the_files_no_more():
     """Rules that would now do harm: what reads a run does not run them, and `rerun` takes the copies."""
@@ -454,6 +456,7 @@ def test_the_champion_and_the_run_hold_what_they_are_of(runs):
     assert "trace_decay" not in settings  # is the paper's rule's
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("copy")
 def test_a_champion_of_other_parts_is_refused_or_the_difference_said():
     wiring, fitness, sensors = PARTS[:2], PARTS[2:4], PARTS[4:]
@@ -492,6 +495,7 @@ def metrics(run):
     return pd.read_csv(Path(run) / "metrics.csv", keep_default_na=False, na_values=[""])
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("own")
 def test_ours_is_the_programs_oja_wherever_it_is_given():
     """As a key, in a file of one's own, below compare; the file's name is the controller's."""

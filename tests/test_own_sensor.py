@@ -10,10 +10,10 @@ from epuckhebb import Lifetime, Sensor
 from epuckhebb.config import plugins
 from epuckhebb.controller.network import Network
 from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.individual import Individual
 from epuckhebb.tmaze.own_sensor import SensorError
 from epuckhebb.tmaze.robot import EPUCK, Robot
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.session import Individual
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "own_sensor"
 

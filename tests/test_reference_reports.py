@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from epuckhebb.analysis import leaderboard, report, rescue
+from epuckhebb.analysis import leaderboard, reproduction, rescue
 from epuckhebb.runtime.resources import data_folder
 from epuckhebb.tmaze.scenario import EXPERIMENTS
 
@@ -60,14 +60,11 @@ def test_the_report_of_the_reproduction_is_that_of_its_tables(committed):
     names = ("claims", "success", "rescue_and_harm", "retention", "dose_response", "comparison")
     own = dict(zip(names, tables(REFERENCE, *names), strict=True))
     titles = yaml.safe_load((data_folder("conf") / "paper" / "tables.yaml").read_text())
-    own["comparison"]["title"] = [titles[table]["title"] for table in own["comparison"].table]
     shown = {}
     for name, agreeing, cells in re.findall(r"Showcase: `(\w+)`.* agrees in (\d+) of the (\d+) cells", text):
         (experiment,) = (one for one in EXPERIMENTS if name.startswith(one))
         shown[experiment] = (name, int(agreeing), int(cells))
     champions, repeats = map(int, re.search(r"(\d+) champions of each .*; (\d+) ", text).groups())
-    found = report.Findings(
-        **own, showcase=shown, champions=champions, given=False, repeats=repeats, provenance=text.splitlines()[2]
-    )
-    figures = {name: caption for caption, name in re.findall(r"!\[(.*)\]\(figures/(.*)\)", text)}
-    committed(path, report.markdown(found, figures))
+    captions = {name: caption for caption, name in re.findall(r"!\[(.*)\]\(figures/(.*)\)", text)}
+    facts = {"champions": champions, "repeats": repeats, "given": False, "provenance": text.splitlines()[2]}
+    committed(path, reproduction.markdown(own, titles, shown, captions, **facts))

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from epuckhebb.adaptation.controller import GA, HEBBIAN, Controller
 from epuckhebb.analysis import movie, replay
 from epuckhebb.analysis.evaluate import Traces, evaluate
 from epuckhebb.analysis.moments import Arrival, arrival, begins, timed_change_text
 from epuckhebb.controller.network import Network, initial_weights_of
 from epuckhebb.controller.plasticity.rules.paper import Paper
+from epuckhebb.tmaze.individual import GA, HEBBIAN, Controller
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.maze import T_MAZE, Box, Maze, Place, Pose, Region, boxes
 from epuckhebb.tmaze.robot import Robot
@@ -231,7 +231,7 @@ RAYS = Robot(
     sensors=(
         LightSensors(places=(Sensor(0.03, 0.0, 0.0),)),
         DistanceSensors(
-            places=tuple(Sensor(0.0, 0.0, 15.0 * number) for number in range(24)), reach_m=0.2, stretch=0.5
+            places=tuple(Sensor(0.0, 0.0, 15.0 * number) for number in range(24)), reach_m=0.14, stretch=0.5
         ),
     ),
 )

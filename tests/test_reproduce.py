@@ -25,33 +25,21 @@ def _no_figures(monkeypatch):
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
+    """The folder of a small study without figures, which take longest, and what the command printed."""
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("reproduce"))
+        patch.setattr(reproduction, "figures_of", lambda *_: {})
         result = done(*ALL)
         (folder,) = (tmp_path_factory.getbasetemp() / "reproduce0" / "runs" / "reproduce").iterdir()
         yield folder, result
 
 
-def test_it_leaves_report_tables_and_figures(made):
+def test_it_leaves_a_report_and_its_tables(made):
     folder, result = made
     assert "The paper's claims" in result.stdout
     assert {"report.md", "report.html", "provenance.json", "status.json"} <= {file.name for file in folder.iterdir()}
     tables = {"metrics", "trials", "claims", "success", "rescue_and_harm", "retention", "dose_response", "comparison"}
     assert tables <= {file.stem for file in folder.glob("*.csv")}
-    named = set(re.findall(r"\(figures/([\w.]+)\)", (folder / "report.md").read_text()))
-    assert named == {file.name for file in (folder / "figures").iterdir()}
-    assert len(named) == 9
-
-
-def test_its_figures_are_drawn_again(made, tmp_path):
-    done("figure", made[0], "dose_response_obstacles", "-f", "svg", "-o", tmp_path / "again.svg")
-    assert b"<svg" in (tmp_path / "again.svg").read_bytes()
-
-
-def test_the_page_needs_nothing_else(made):
-    page = (made[0] / "report.html").read_text()
-    assert "://" not in re.sub(r'src="data:[^"]+"', "", page)
-    assert page.count('src="data:image/png;base64,') == 9
 
 
 @pytest.fixture
@@ -59,6 +47,19 @@ def copy(made, tmp_path, monkeypatch):
     """A copy of the finished folder, in which the same command works."""
     monkeypatch.chdir(tmp_path)
     return shutil.copytree(made[0], tmp_path / "runs" / "reproduce" / made[0].name)
+
+
+@pytest.mark.thorough
+def test_its_figures_are_on_its_page_and_can_be_drawn_again(copy):
+    done(*ALL)
+    named = set(re.findall(r"\(figures/([\w.]+)\)", (copy / "report.md").read_text()))
+    assert named == {file.name for file in (copy / "figures").iterdir()}
+    assert len(named) == 9
+    page = (copy / "report.html").read_text()
+    assert "://" not in re.sub(r'src="data:[^"]+"', "", page)
+    assert page.count('src="data:image/png;base64,') == 9
+    done("figure", copy, "dose_response_obstacles", "-f", "svg", "-o", "again.svg")
+    assert b"<svg" in (copy.parents[2] / "again.svg").read_bytes()
 
 
 def stopping(monkeypatch, error, after):

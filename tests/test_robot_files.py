@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cases import first_of
 from omegaconf import OmegaConf
 
 from epuckhebb.config.parts_from_yaml import robot_from
@@ -14,10 +15,10 @@ from epuckhebb.controller.network import HIDDEN, Network
 from epuckhebb.controller.plasticity.rule import NoRule
 from epuckhebb.tmaze.batch import run_lifetimes
 from epuckhebb.tmaze.fitness import avoid
+from epuckhebb.tmaze.individual import Individual
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.robot import EPUCK
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.session import Individual
 
 CONF = Path(__file__).parents[1] / "conf" / "robot"
 FILES = sorted(CONF.glob("*.yaml"))
@@ -28,7 +29,7 @@ def told(name):
     return OmegaConf.to_container(OmegaConf.load(CONF / f"{name}.yaml"))
 
 
-@pytest.mark.parametrize("name", [file.stem for file in FILES])
+@pytest.mark.parametrize("name", first_of(file.stem for file in FILES))
 def test_each_robot_lives(name):
     robot = robot_from(told(name))
     assert robot.name == name

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 import reference
 
-from epuckhebb.adaptation.controller import Controller
 from epuckhebb.controller.evolved import Evolved
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import Network, by_layer
@@ -15,6 +14,7 @@ from epuckhebb.controller.plasticity.rule import Rule, coefficients
 from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.optimizer import initial
 from epuckhebb.evolution.optimizers.ga import GA, next_generation
+from epuckhebb.tmaze.individual import Controller
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.scenario import Scenario
 

@@ -16,6 +16,7 @@ from epuckhebb.controller import random
 from epuckhebb.controller.compiling.kernel import compiled
 from epuckhebb.controller.network import Network
 from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.individual import Individual
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.light import Lamp, irradiance, lights, reading
 from epuckhebb.tmaze.maze import T_MAZE, boxes
@@ -33,7 +34,6 @@ from epuckhebb.tmaze.sensors import (
     cast,
     put_rays,
 )
-from epuckhebb.tmaze.session import Individual
 
 WALLS, START = boxes(T_MAZE, 4), T_MAZE.start
 echo = EPUCK.distance.echo()
@@ -177,6 +177,7 @@ AHEAD = Place(0.0, 0.0, 0.0)
     [
         (lambda: Robot(radius_m=0.0), r"robot\.radius_m must be more than 0, got 0.0"),
         (lambda: DistanceSensors(reach_m=math.inf), r"robot\.reach_m must"),
+        (lambda: DistanceSensors(reach_m=0.1), r"robot\.reach_m must lie in \(0, 0\.07\]"),
         (lambda: LightSensors(places=()), r"robot\.light_places must hold one sensor or more"),
         (
             lambda: Robot(sensors=(LightSensors(), DistanceSensors(places=(Place(0.05, 0.0, 0.0),)))),

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.adaptation.change_signal import no_nominal
-from epuckhebb.adaptation.controller import GA_ALONE, Controller
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.rule import NoRule
@@ -22,12 +21,13 @@ from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.evolution.optimizer import initial
 from epuckhebb.tmaze.batch import run_lifetimes
 from epuckhebb.tmaze.goal_signal import GoalSignal
+from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.light import Lamp
 from epuckhebb.tmaze.maze import SIDES, T_MAZE, Place, Pose
 from epuckhebb.tmaze.robot import Robot
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.session import Individual, Session
+from epuckhebb.tmaze.session import Session
 from epuckhebb.tmaze.tasks.reversal import Reversal
 
 HEBBIAN = Controller(name="Hebbian", rule=Paper(N=0.002))
@@ -81,7 +81,7 @@ def assert_pieces_are_the_whole(individual, scenario, lifetime, pieces):
     every=st.sampled_from([1, 3]),
 )
 def test_stepping_in_pieces_is_bit_identical(genomes, controller, changes, pieces, side, every):
-    individual = individual_of(genomes[0], side, controller=controller, nominal=no_nominal(16))
+    individual = individual_of(genomes[0], side, controller=controller, nominal=no_nominal(16, 8))
     assert_pieces_are_the_whole(individual, Scenario(changes=changes), replace(SHORT, record_every=every), pieces)
 
 
@@ -184,7 +184,7 @@ def test_machine_code_gets_fractions_where_whole_numbers_are_given(genomes, rule
     individual = individual_of(genomes[0], side, controller=Controller(name="x", rule=rule))
     setup = Session(individual, WHOLE, WHOLE_LIFETIME).setup
     numbers = list(numbers_of(setup))
-    assert {name for name, *_ in numbers} >= {"gain", "trial.goal_x", "trial.faults.left_slip", "lit.lamp_x"}
+    assert {name for name, *_ in numbers} >= {"gain", "goal_x", "faults.left_slip", "lit.lamp_x"}
     assert [number for number in numbers if number[1] is not number[2]] == []
 
 

@@ -4,7 +4,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from epuckhebb.adaptation.controller import Controller
 from epuckhebb.analysis import charts, figures, summary, tables
 from epuckhebb.analysis import evaluate as analysis
 from epuckhebb.analysis.evaluate import COLUMNS
@@ -12,6 +11,7 @@ from epuckhebb.analysis.image import image
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.controller.plasticity.weight_change import saturated_fraction
 from epuckhebb.store import as_bytes
+from epuckhebb.tmaze.individual import Controller
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.scenario import Scenario
 
@@ -140,17 +140,14 @@ def test_one_rate_has_no_dose_response(rates):
     assert summary.dose_response(rows, ["N"]) is None
 
 
-def test_the_dose_response_has_each_condition_and_the_genes_alone_beside_it(monkeypatch):
-    drawn = []
-    monkeypatch.setattr(charts, "rates", lambda doses, mean_over: drawn.append((doses, mean_over)))
+def test_the_dose_response_has_each_condition_and_the_genes_alone_beside_it():
     rows = [
         lives(controller, rate, n + (controller == "GA"), **{"lifetime.noise": noise})
         for n, noise in enumerate("01")
         for controller, rate in (("GA", "0"), ("Hebbian", "0.1"), ("Hebbian", "0.2"))
     ]
-    summary.dose_response(pd.concat(rows), ["N", "lifetime.noise"])
-    ((doses, mean_over),) = drawn
-    assert mean_over == "4 lifetimes of g on each side (95 % intervals: noise only)"
+    doses = summary.dose_response(pd.concat(rows), ["N", "lifetime.noise"])
+    assert "4 lifetimes of g on each side (95 % intervals: noise only)" in charts.rates(doses).get_suptitle()
     assert [name for name, _ in doses.groupby("condition", sort=False)] == [
         "base, lifetime.noise=0: Hebbian",
         "base, lifetime.noise=1: Hebbian",
@@ -162,18 +159,15 @@ def test_the_dose_response_has_each_condition_and_the_genes_alone_beside_it(monk
     assert (left.success <= left.success_high).all()
 
 
-def test_the_dose_response_of_champions_is_one_panel_a_world_over_all_of_them(monkeypatch):
-    drawn = []
-    monkeypatch.setattr(charts, "rates", lambda doses, mean_over: drawn.append((doses, mean_over)))
+def test_the_dose_response_of_champions_is_one_panel_a_world_over_all_of_them():
     rows = [
         lives(controller, rate, n).assign(genome=genome, scenario=scenario)
         for n, genome in enumerate("abc", start=1)
         for scenario in ("base", "4obstacles")
         for controller, rate in (("GA", "0"), ("Hebbian", "0.1"), ("Hebbian", "0.2"))
     ]
-    summary.dose_response(pd.concat(rows), ["genome", "N", "scenario"])
-    ((doses, mean_over),) = drawn
-    assert mean_over == "3 champions on each side (95 % intervals over champions)"
+    doses = summary.dose_response(pd.concat(rows), ["genome", "N", "scenario"])
+    assert "3 champions on each side (95 % intervals over champions)" in charts.rates(doses).get_suptitle()
     assert list(doses.condition.unique()) == ["base: Hebbian", "4obstacles: Hebbian"]
     assert set(doses.success) == {0.5}
     assert set(doses.success_low) == {0.25}  # of the champion that does worst
@@ -192,14 +186,30 @@ def test_rates_come_with_their_controllers(of, text):
 
 
 def test_rates_at_which_no_weight_changes_are_drawn_too():
-    row = {"condition": "base", "success_low": 0.5, "success_high": 1.0, "success": 0.9}
+    row = {
+        "condition": "base",
+        "genome": "g",
+        "champions": 1,
+        "lifetimes": 1,
+        "success_low": 0.5,
+        "success_high": 1.0,
+        "success": 0.9,
+    }
     row |= {"weight_change_mean": 0.0, "weight_change_mean_low": 0.0, "weight_change_mean_high": 0.0}
     doses = [row | {"controller": "late", "N": N, "side": side} for N in (0.001, 0.002) for side in ("left", "right")]
-    assert image(charts.rates(pd.DataFrame(doses), "one lifetime")).startswith(b"\x89PNG")
+    assert image(charts.rates(pd.DataFrame(doses))).startswith(b"\x89PNG")
 
 
 def test_weight_change_has_plain_numbers_on_one_scale():
-    row = {"controller": "Hebbian", "success_low": 0.5, "success_high": 1.0, "success": 0.9}
+    row = {
+        "genome": "g",
+        "champions": 1,
+        "lifetimes": 1,
+        "controller": "Hebbian",
+        "success_low": 0.5,
+        "success_high": 1.0,
+        "success": 0.9,
+    }
     changes = [f"weight_change_mean{end}" for end in ("", "_low", "_high")]
     doses = [
         row | {"condition": world, "N": N, "side": side, **dict.fromkeys(changes, scale * N)}
@@ -207,7 +217,7 @@ def test_weight_change_has_plain_numbers_on_one_scale():
         for N in (0.0001, 0.002)
         for side in ("left", "right")
     ]
-    drawn = charts.rates(pd.DataFrame(doses), "one lifetime")
+    drawn = charts.rates(pd.DataFrame(doses))
     drawn.draw_without_rendering()
     upper, lower = drawn.axes[1::2]
     assert upper.get_ylim() == lower.get_ylim()

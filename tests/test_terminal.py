@@ -2,7 +2,6 @@
 
 import io
 import itertools
-import re
 from collections import Counter
 
 import pytest
@@ -44,12 +43,6 @@ def test_a_long_text_breaks_between_words_and_its_figures_do_not():
     rows = [(n, "to do", f"scenario=highlight_{'x' * 20} " * 4) for n in range(3)]
     lines = printed(80, rows, ("job", "", "what"), text=3).splitlines()
     assert sum(line.count(f"scenario=highlight_{'x' * 20}") for line in lines) == 12
-
-
-def test_a_long_name_breaks_after_a_sign_within_it():
-    rows = [("obstacles", "wall_following_and_late", *["163 of 181: 0.90 [0.85, 0.95]"] * 2, "0 of 67")]
-    told = printed(80, rows, ("experiment", "plasticity", "rescued", "harmed", "in training"))
-    assert re.search("wall_following_ .*\n +and_late ", told)
 
 
 def test_signs_of_markup_are_shown_as_they_are():

@@ -9,7 +9,6 @@ import pymunk
 import pytest
 
 from epuckhebb.adaptation.adaptation import Adaptation
-from epuckhebb.adaptation.controller import GA_ALONE, Controller
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.rules.paper import Paper
@@ -17,6 +16,7 @@ from epuckhebb.controller.wirings.ctrnn import CTRNN
 from epuckhebb.flock.robot_group import RobotGroup
 from epuckhebb.store.genome import load_genome
 from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
 from epuckhebb.tmaze.life import Lifetime, life_of
 from epuckhebb.tmaze.light import Lamp, lights
 from epuckhebb.tmaze.maze import T_MAZE, Box, Pose
@@ -24,7 +24,7 @@ from epuckhebb.tmaze.physics.pymunk import COLLISION_SLOP, PYMUNK
 from epuckhebb.tmaze.robot import EPUCK
 from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.senses import sense_workspace, senses
-from epuckhebb.tmaze.session import Individual, Session
+from epuckhebb.tmaze.session import Session
 from epuckhebb.tmaze.tasks.reversal import Reversal
 
 NO_WALLS = SimpleNamespace(walls=np.zeros((0, 4)))

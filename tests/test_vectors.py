@@ -10,7 +10,8 @@ from epuckhebb.controller.compiling import simd
 from epuckhebb.controller.compiling.kernel import kernel
 from epuckhebb.controller.forward_pass import forward_pass
 from epuckhebb.controller.network import Network, tanh
-from epuckhebb.controller.plasticity.rule import Rule, initial_synapse_state
+from epuckhebb.controller.own_class import stored
+from epuckhebb.controller.plasticity.rule import Rule
 from epuckhebb.controller.plasticity.update import StepContext, update_of
 from epuckhebb.tmaze.life import Genotype, workspace_for
 from epuckhebb.tmaze.robot import EPUCK
@@ -69,7 +70,7 @@ def test_layers_of_any_width_are_bit_identical_to_single_numbers(network):
     given = genes, seen, np.zeros(network.neurons)
     (weights, activation, drive), behind = zip(*map(guarded, given), strict=True)
     rows = np.full((4, network.synapses), 7.0)
-    state, nothing, ones = initial_synapse_state(Everything, network), np.empty(0), np.ones(network.synapses)
+    state, nothing, ones = stored(Everything.synapse_state, network.synapses), np.empty(0), np.ones(network.synapses)
     genotype = Genotype(genes, state, np.empty((0, network.synapses)), nothing, nothing, ones)
     workspace = workspace_for(network, EPUCK)._replace(drive=drive, synapses=rows[:3])
     numbers = Everything(N=1.0, w_max=1e6).numbers()

@@ -14,7 +14,7 @@ from cases import call, done, first_of
 import epuckhebb
 from epuckhebb.analysis import report
 from epuckhebb.analysis.figures import plain as in_figures
-from epuckhebb.analysis.tables import code, markdown_table, plain
+from epuckhebb.analysis.tables import Table, code, plain
 from epuckhebb.cli.console import Terminal
 from epuckhebb.cli.output import report_errors
 from epuckhebb.config import overrides
@@ -70,7 +70,7 @@ def test_a_name_is_shown_to_the_letter(name):
     "name", ["a|b", "`x`", "<img src=x onerror=alert(1)>", "[a](http://b)", "*a*_", "a\nb", "&lt;"]
 )
 def test_a_report_has_names_to_the_letter_and_a_policy(name):
-    text = f"Genome {code(name)}.\n\n{markdown_table([plain(name), 'b'], [[code(name), '1']])}"
+    text = f"Genome {code(name)}.\n\n{Table([plain(name), 'b'], [[code(name), '1']]).markdown()}"
     page = report.html(text, str.encode)
     assert "<img" not in page
     assert "<a " not in page

@@ -3,27 +3,28 @@
 import importlib
 import math
 import pkgutil
-from collections.abc import Callable
 from dataclasses import dataclass, fields
 from enum import Enum
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.adaptation import change_signals as signals
-from epuckhebb.adaptation.change_signal import ChangeSignal
+from epuckhebb.adaptation.change_signal import ChangeSignal, no_nominal
 from epuckhebb.adaptation.exploration import following, halting, with_motor_noise
 from epuckhebb.adaptation.gate import PlasticWhen, Stay, gates
 from epuckhebb.adaptation.homeostasis import HomeostasisState, homeostasis, initial_homeostasis_state
 from epuckhebb.adaptation.wall_following import wall_following
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.compiling.kernel import compiled, nothing, one
-from epuckhebb.controller.network import HIDDEN
+from epuckhebb.controller.plasticity.rule import NoRule, Rule
 from epuckhebb.controller.random import noise_workspace_size
-from epuckhebb.controller.ranges import check_range
+from epuckhebb.controller.ranges import check, within
+from epuckhebb.controller.wiring import LAYERS, Wiring
+from epuckhebb.tmaze.fitness import Signal
 from epuckhebb.tmaze.goal_signal import initial_signal
+from epuckhebb.tmaze.individual import NO_HOOKS, Hooks, NoAdaptation
 from epuckhebb.tmaze.robot import STEP_S, Robot
 
 NONE = "none"
@@ -41,11 +42,6 @@ def _signal(name: str) -> ChangeSignal:
     return function
 
 
-def compares_fitness(change_signal: str) -> bool:
-    """Whether a change signal compares the live fitness with its nominal statistics."""
-    return change_signal != NONE and "fitness" in _signal(change_signal).__code__.co_names  # as nominal.fitness
-
-
 class Exploration(Enum):
     """What a robot does while the gate is open, beside learning: motor noise, wall-following, or both."""
 
@@ -55,7 +51,7 @@ class Exploration(Enum):
 
 
 @dataclass(kw_only=True)
-class Adaptation:
+class Adaptation(NoAdaptation):
     """When plasticity acts in a lifetime, how the robot explores meanwhile, and whether its light weights are scaled.
 
     name: in tables. change_signal: the signal that opens the gate; with `none` the gate is always open, and only
@@ -69,15 +65,14 @@ class Adaptation:
     training world.
     """
 
-    name: str = NONE
     change_signal: str = NONE
-    threshold: float = 0.0
-    slope: float = math.inf
-    active_s: float = 0.0
-    rest_s: float = 0.0
-    start_by_s: float = math.inf
+    threshold: float = within(-math.inf, default=0.0)
+    slope: float = within(0, above=True, default=math.inf)
+    active_s: float = within(0, default=0.0)
+    rest_s: float = within(0, default=0.0)
+    start_by_s: float = within(0, above=True, default=math.inf)
     exploration: Exploration = Exploration.motor_noise
-    motor_noise: float = 0.0
+    motor_noise: float = within(0, default=0.0)
     plastic_when: PlasticWhen = PlasticWhen.late
     stay: Stay = Stay.none
     homeostasis: bool = False
@@ -88,11 +83,7 @@ class Adaptation:
             raise ValueError(
                 f"adaptation.change_signal must be one of {', '.join(allowed)}, got {self.change_signal!r}"
             )
-        check_range(self, "adaptation", "active_s", "rest_s", "motor_noise")
-        if not math.isfinite(self.threshold):
-            raise ValueError(f"adaptation.threshold must be a finite number, got {self.threshold}")
-        if not self.slope > 0:
-            raise ValueError(f"adaptation.slope must be more than 0, inf for at once, got {self.slope}")
+        check(self, "adaptation")
         if self.rest_s > 0 and self.active_s == 0:
             raise ValueError(
                 f"adaptation.rest_s = {self.rest_s:g} needs adaptation.active_s above 0: rests follow active times"
@@ -107,8 +98,6 @@ class Adaptation:
                 "adaptation.exploration=both needs adaptation.motor_noise above 0, the motor noise while the robot "
                 "follows a wall"
             )
-        if not self.start_by_s > 0:
-            raise ValueError(f"adaptation.start_by_s must be more than 0, inf for never, got {self.start_by_s}")
         if self.stay is Stay.learn and self.plastic_when is not PlasticWhen.goal_signal:
             raise ValueError(
                 "adaptation.stay=learn is learnt at the goal: give adaptation.plastic_when=goal_signal, not "
@@ -125,33 +114,38 @@ class Adaptation:
 
     @property
     def parts(self) -> "Parts":
-        """Which functions it has."""
+        """See `NoAdaptation`."""
         return Parts(*(getattr(self, name) for name in Parts._fields))
 
     @property
     def is_gated(self) -> bool:
-        """Whether a signal of change opens and closes a gate."""
+        """See `NoAdaptation`."""
         return self.change_signal != NONE
 
     @property
-    def needs_nominal(self) -> bool:
-        """Whether it compares with nominal statistics of the training world."""
+    def acts(self) -> bool:
+        """See `NoAdaptation`: all that acts compares with nominal statistics of the training world."""
         return self.is_gated or self.homeostasis
 
     @property
-    def acts(self) -> bool:
-        """Whether it does anything at all."""
-        return self.needs_nominal
+    def needs_arrival(self) -> bool:
+        """See `NoAdaptation`."""
+        return self.change_signal == "late"
+
+    @property
+    def follows_walls(self) -> bool:
+        """Whether the robot follows walls while the gate is open."""
+        return self.exploration is not Exploration.motor_noise
 
     @property
     def is_network_unused(self) -> bool:
-        """Whether the robot follows walls from its first step until it is at the goal: a hand-written robot."""
+        """See `NoAdaptation`: whether the robot follows walls from its first step until it is at the goal."""
         at_once = self.start_by_s <= STEP_S and self.threshold <= 0 and self.active_s == 0
         return self.exploration is Exploration.wall_following and at_once
 
     @property
     def knowledge(self) -> tuple[str, ...]:
-        """What it is given or what was written by hand, beside its senses."""
+        """See `NoAdaptation`."""
         signals_time = self.change_signal in ("late", "shortfall")
         times = signals_time and self.threshold < NEVER and not self.is_network_unused
         uses = {
@@ -162,10 +156,52 @@ class Adaptation:
         }
         return tuple(kind for kind, used in uses.items() if used)
 
-    @property
-    def follows_walls(self) -> bool:
-        """Whether the robot follows walls while the gate is open."""
-        return self.exploration is not Exploration.motor_noise
+    def check(self, rule: Rule, duration_s: float, wiring: Wiring | None) -> None:
+        """See `NoAdaptation`."""
+        if self.stay is Stay.learn and isinstance(rule, NoRule):
+            raise ValueError(
+                "adaptation.stay=learn needs a plasticity rule: give hebbian=stay, or adaptation.stay=halt"
+            )
+        if duration_s <= self.start_by_s < math.inf:
+            raise ValueError(
+                f"adaptation.start_by_s must be less than lifetime.duration_s = {duration_s:g}, or inf for never, got "
+                f"{self.start_by_s:g}"
+            )
+        if self.homeostasis and wiring is not None:
+            raise ValueError(
+                f"adaptation={self.name} scales the weights between the light sensors and the first layer, and "
+                f"network.wiring={wiring.name} has no layers; give another adaptation, or network.wiring={LAYERS}"
+            )
+        compares_fitness = self.is_gated and "fitness" in _signal(self.change_signal).__code__.co_names
+        if rule.signal == Signal.fitness and compares_fitness:
+            raise ValueError(
+                f"hebbian.signal=fitness does not go with adaptation={self.name}, which needs the nominal statistics "
+                "of the paper's live fitness; give another signal, or another adaptation"
+            )
+
+    def numbers(self) -> "Gate":
+        """See `NoAdaptation`."""
+        return Gate(*(float(getattr(self, name)) for name in Gate._fields))
+
+    def hooks(self, robot: Robot, post: int) -> Hooks:
+        """See `NoAdaptation`."""
+        return _hooks(self.parts, robot, post) if self.acts else super().hooks(robot, post)
+
+    def initial_state(self, robot: Robot) -> Any:
+        """See `NoAdaptation`."""
+        if not self.acts:
+            return ()
+        return AdaptationState(
+            recent=np.zeros(robot.inputs + 1),
+            hand=np.zeros(1),
+            homeostasis=initial_homeostasis_state(robot.light.count),
+            noise=np.zeros(noise_workspace_size(16)),
+            signal=initial_signal(),
+        )
+
+    def no_nominal(self, robot: Robot) -> Any:
+        """See `NoAdaptation`."""
+        return no_nominal(robot.inputs, robot.light.count) if self.acts else ()
 
 
 class Gate(NamedTuple):
@@ -177,11 +213,6 @@ class Gate(NamedTuple):
     rest_s: float
     motor_noise: float
     start_by_s: float
-
-
-def gate_numbers(adaptation: Adaptation) -> Gate:
-    """The numbers of an adaptation, for the kernel."""
-    return Gate(*(float(getattr(adaptation, name)) for name in Gate._fields))
 
 
 class AdaptationState(NamedTuple):
@@ -198,31 +229,6 @@ class AdaptationState(NamedTuple):
     signal: NDArray[np.bool_]
 
 
-def initial_adaptation_state(robot: Robot) -> AdaptationState:
-    """The state before the first step."""
-    return AdaptationState(
-        recent=np.zeros(robot.inputs + 1),
-        hand=np.zeros(1),
-        homeostasis=initial_homeostasis_state(robot.light.count),
-        noise=np.zeros(noise_workspace_size(16)),
-        signal=initial_signal(),
-    )
-
-
-class Hooks(NamedTuple):
-    """The functions of an adaptation that a lifetime calls.
-
-    scale(readings, weights, tally, state, nominal, step): scales the light readings. open_gate(life, setup, fitness,
-    step): the need g for plasticity at this step. explore(life, setup, left, right): the wheels' commands, from the
-    network's outputs. resets: whether the weights become the genes where the gate closes.
-    """
-
-    scale: Callable[..., None]
-    open_gate: Callable[..., float]
-    explore: Callable[..., tuple[float, float]]
-    resets: bool
-
-
 class Parts(NamedTuple):
     """The settings of an adaptation that say which functions it has; the others are numbers (`Gate`)."""
 
@@ -234,10 +240,10 @@ class Parts(NamedTuple):
 
 
 @cache
-def hooks(parts: Parts, robot: Robot, first_post: int = HIDDEN[0]) -> Hooks:
-    """The functions of an adaptation. first_post: how many neurons the first layer of connections leads to."""
+def _hooks(parts: Parts, robot: Robot, post: int) -> Hooks:
+    """The functions of an adaptation; those of a kernel are made once, so that it is compiled once."""
     gated, limit = parts.change_signal != NONE, robot.motor_limit_rad_s
-    explore, open_gate = _as_it_is, one
+    explore, open_gate = NO_HOOKS.explore, NO_HOOKS.open_gate
     if gated:
         explore = with_motor_noise(limit)
         if parts.follows_walls:
@@ -246,11 +252,8 @@ def hooks(parts: Parts, robot: Robot, first_post: int = HIDDEN[0]) -> Hooks:
             explore = halting(explore)
         open_gate = gates(_signal(parts.change_signal), parts.plastic_when, parts.stay)
     return Hooks(
-        scale=homeostasis(robot.light.count, first_post) if parts.homeostasis else nothing,
+        scale=homeostasis(robot.light.count, post) if parts.homeostasis else NO_HOOKS.scale,
         open_gate=open_gate,
         explore=explore,
         resets=gated and parts.stay is not Stay.learn,
     )
-
-
-_as_it_is = compiled(lambda _life, _setup, left, right: (left, right))

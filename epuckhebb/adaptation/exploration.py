@@ -27,7 +27,7 @@ def with_motor_noise(motor_limit: float) -> Explore:
     @compiled
     def explore(life: Any, setup: Any, left: float, right: float) -> tuple[float, float]:
         tally = life.tally[0]
-        if setup.plasticity.gate.motor_noise > 0.0 and tally.exploring:
+        if setup.adaptation.motor_noise > 0.0 and tally.exploring:
             left = within_motor(left, tally.noise_left, setup.gain, motor_limit)
             right = within_motor(right, tally.noise_right, setup.gain, motor_limit)
         return left, right

@@ -62,10 +62,10 @@ def gates(signal: ChangeSignal, plastic_when: PlasticWhen, stay: Stay) -> Callab
 
     @compiled
     def open_gate(life: Any, setup: Any, fitness: float, step: int) -> float:
-        gate, nominal, trial, state = setup.plasticity.gate, setup.nominal, setup.trial, life.adaptation
+        gate, nominal, state = setup.adaptation, setup.nominal, life.adaptation
         tally = life.tally[0]
         update_recent(state.recent, life.activation, fitness, step)
-        at_goal = goal_signal(trial.signal, tally.goal_distance, trial.goal_radius, state.signal, life.key, step)
+        at_goal = goal_signal(setup.goal_signal, tally.goal_distance, setup.goal_radius, state.signal, life.key, step)
         tally.arrived = tally.arrived or at_goal
         tally.away_s = 0.0 if at_goal else tally.away_s + STEP_S
         time_s = step * STEP_S

@@ -20,14 +20,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from epuckhebb.adaptation.change_signal import RECENT_S, NominalOfSide
+from epuckhebb.adaptation.change_signal import PATTERNS, RECENT_S, NominalOfSide
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled
 from epuckhebb.tmaze import light
 from epuckhebb.tmaze.robot import STEP_S
 
 # Chosen on champions 1 to 20, in the known changed worlds:
-PATTERNS = 64  # of the light in training
 RATE_PER_S = 3.0  # how fast the scale follows
 MAKES_FAMILIAR = 0.7  # share of the novelty that may be left with a scale that is used
 
@@ -71,20 +70,6 @@ def lengths_of(patterns: Floats) -> Floats:
     """The lengths of patterns, (patterns, lights), never 0."""
     lengths: Floats = np.sqrt(_DARK + (patterns**2).sum(axis=1))
     return lengths
-
-
-def no_patterns(nominal: NominalOfSide, lights: int) -> NominalOfSide:
-    """Nominal statistics with dark patterns, for a lifetime that only loads a kernel."""
-    return nominal._replace(patterns=np.zeros((lights, PATTERNS)), lengths=np.ones(PATTERNS))
-
-
-def check_patterns(nominal: NominalOfSide, lights: int) -> None:
-    """Check that nominal statistics have light patterns of a robot with this number of light sensors."""
-    if nominal.patterns.shape != (lights, PATTERNS):
-        raise ValueError(
-            f"homeostasis needs nominal statistics with {PATTERNS} patterns of {lights} light sensors, got an array of "
-            f"shape {nominal.patterns.shape}"
-        )
 
 
 class HomeostasisState(NamedTuple):
@@ -132,7 +117,7 @@ def compare(bright: Floats, k: float, nominal: NominalOfSide, alike: Floats) -> 
 
 
 def homeostasis(lights: int, post: int) -> Callable[..., None]:
-    """The function that scales the light readings of a robot, `scale(readings, weights, tally, state, nominal, step)`.
+    """The function that scales the light readings of a robot, `scale(life, setup, step)`.
 
     lights: how many light sensors it has. post: how many neurons the first layer of connections leads to.
     """
@@ -163,9 +148,8 @@ def homeostasis(lights: int, post: int) -> Callable[..., None]:
         return change
 
     @compiled
-    def scale(
-        readings: Floats, weights: Floats, tally: Any, state: HomeostasisState, nominal: NominalOfSide, step: int
-    ) -> None:
+    def scale(life: Any, setup: Any, step: int) -> None:
+        readings, tally, state, nominal = life.activation, life.tally[0], life.adaptation.homeostasis, setup.nominal
         share = 1.0 / max(1.0, state.values[0])  # noise is smoothed as much as it is magnified
         for i in range(lights):
             u = 1.0 - readings[i]
@@ -175,7 +159,7 @@ def homeostasis(lights: int, post: int) -> Callable[..., None]:
             tally.change_signal = state.values[1] / nominal.novelty
             familiar = state.values[1] < MAKES_FAMILIAR * state.values[2]
             tally.scale = state.values[0] if familiar else 1.0
-            tally.scaling = change_of_weights(weights, tally.scale)
+            tally.scaling = change_of_weights(life.weights, tally.scale)
         if tally.scale != 1.0:
             for i in range(lights):
                 readings[i] = 1.0 - min(1.0, tally.scale * state.bright[i])

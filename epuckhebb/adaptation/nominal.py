@@ -17,13 +17,13 @@ from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.network import PAPER_NETWORK, Network
 from epuckhebb.controller.random import Stream
 from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.individual import Individual
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.maze import SIDES, Place, Side
 from epuckhebb.tmaze.outcome import Outcome
 from epuckhebb.tmaze.robot import STEP_S
 from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.scenario import EXPERIMENTS, Scenario
-from epuckhebb.tmaze.session import Individual
 
 REPEATS = 10  # lifetimes a side
 _RECORD_EVERY = EVERY  # steps: eight samples a second

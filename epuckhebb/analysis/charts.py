@@ -3,6 +3,7 @@
 Colours are Okabe and Ito's, which colour-blind readers can distinguish; line styles, markers or positions differ too.
 """
 
+import itertools
 from collections.abc import Iterable, Mapping
 
 import numpy as np
@@ -15,10 +16,10 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, LogLocator, MaxNLocator, NullFormatter, NullLocator, StrMethodFormatter
 from numpy.typing import NDArray
 
-from epuckhebb.adaptation.controller import CONTROLS, GA
 from epuckhebb.analysis import leaderboard, rescue
 from epuckhebb.analysis.figures import SIDE_COLOUR, plain, tidy
 from epuckhebb.controller.network import PAPER_NETWORK, Network, initial_weights_of
+from epuckhebb.tmaze.individual import CONTROLS, GA
 from epuckhebb.tmaze.robot import EPUCK, Robot
 from epuckhebb.tmaze.samples import Samples
 
@@ -93,12 +94,15 @@ def _rescue_and_harm(axes: Axes, harm: pd.DataFrame, at: Mapping[float, int]) ->
     axes.legend(frameon=False, fontsize=8)
 
 
-def rates(doses: pd.DataFrame, mean_over: str) -> Figure:
+def rates(doses: pd.DataFrame) -> Figure:
     """Success and weight change against the base rate, a row of panels for each condition.
 
-    doses: a row for each condition, controller, N and side, with means and intervals; the rows of `GA` are without
-    plasticity. mean_over: in words.
+    doses: of `analysis.summary.dose_response`; the rows of `GA` are without plasticity.
     """
+    mean_over = f"{doses.lifetimes.max()} lifetimes of {doses.genome.iloc[0]} on each side (95 % intervals: noise only)"
+    if doses.champions.max() > 1:
+        counts = " or ".join(map(str, sorted(doses.champions.unique())))
+        mean_over = f"{counts} champions on each side (95 % intervals over champions)"
     conditions = list(doses.groupby("condition", sort=False))
     figure = Figure(figsize=(9, 2.9 * len(conditions) + 0.6), layout="constrained")
     for (condition, own), panels in zip(
@@ -344,3 +348,55 @@ def _synapse_ends(network: Network) -> NDArray[np.float64]:
     places = np.array([(x, y) for x, count in enumerate(rows) for y in _heights(count, max(rows))])
     pre, post = network.joined
     return np.stack([places[pre], places[post]], axis=1)
+
+
+_CONTROLLER_COLOURS = ("#999999", "#009E73", "#CC79A7", "#0072B2", "#D55E00", "#E69F00")
+_TRIALS_BEFORE, _TRIALS_AFTER = -3, 6  # trials around the switch
+
+
+def reversal(table: pd.DataFrame, trials: pd.DataFrame, title: str) -> Figure:
+    """The rewarded share of each controller, over all trials and around the switch of the rewarded end."""
+    is_limit = table.lifetimes.isna()
+    names = list(table.controller[~is_limit])
+    limits = {row.controller: float(row.rewarded_share) for row in table[is_limit].itertuples()}
+    colours = dict(zip(names, itertools.cycle(_CONTROLLER_COLOURS), strict=False))
+    drawn = Figure(figsize=(9.6, 4.0), layout="constrained")
+    over_all, around = drawn.subplots(1, 2, width_ratios=[1, 1.25])
+    for place, row in enumerate(table[table.controller.isin(names)].itertuples()):
+        error = [[row.rewarded_share - row.low], [row.high - row.rewarded_share]]
+        over_all.bar(place, row.rewarded_share, color=colours[row.controller], width=0.6)
+        over_all.errorbar(place, row.rewarded_share, yerr=error, color="black", capsize=4)
+        over_all.annotate(f"{row.rewarded_share:.2f}", (place, row.high + 0.015), ha="center", fontsize=10)
+    labels = [plain(name.replace(" (", "\n(")) for name in names]
+    over_all.set(xticks=range(len(names)), xticklabels=labels, ylabel="share of rewarded trials")
+    for name in names:
+        shares = _around_switch(trials[trials.controller == name])
+        around.plot(shares.index, shares, color=colours[name], marker="o", markersize=4, label=plain(name))
+    around.axvline(-0.5, color="#222222", linewidth=0.8, linestyle=":")
+    around.set(xlabel="trials after the switch of the rewarded end", xticks=range(_TRIALS_BEFORE, _TRIALS_AFTER + 1))
+    _levels(over_all, limits)
+    _levels(around, dict(list(limits.items())[:1]))
+    drawn.legend(*around.get_legend_handles_labels(), fontsize=8, frameon=False, loc="outside lower right", ncols=4)
+    drawn.suptitle(plain(title), fontsize=9)
+    return drawn
+
+
+def _around_switch(trials: pd.DataFrame) -> "pd.Series[float]":
+    """The share of rewarded trials by the number of trials after the switch; lifetimes without one are left out."""
+    lifetime = [trials.side, trials.repeat]
+    first = trials.rewarded_side.groupby(lifetime).transform("first")
+    switch = trials.trial.where(trials.rewarded_side != first).groupby(lifetime).transform("min")
+    after = trials.trial - switch
+    known = after.between(_TRIALS_BEFORE, _TRIALS_AFTER)
+    return trials.rewarded[known].groupby(after[known].astype(int)).mean()
+
+
+def _levels(axes: Axes, levels: Mapping[str, float]) -> None:
+    axes.set_ylim(0, 1.05)
+    tidy(axes)
+    left, right = axes.get_xlim()
+    for name, height in levels.items():
+        axes.axhline(height, color="#222222", linewidth=1.0, linestyle="--", zorder=0.5)
+        text = f"{name} {height:.3f}".removesuffix("0")
+        axes.annotate(text, (right, height), (-2, 3), textcoords="offset points", fontsize=8, ha="right")
+    axes.set_xlim(left, right)

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.adaptation.controller import GA_ALONE, Controller
 from epuckhebb.adaptation.nominal import Nominal
 from epuckhebb.controller import random
 from epuckhebb.controller.genome import GenomePlan, plan_of
@@ -20,13 +19,13 @@ from epuckhebb.controller.network import PAPER_NETWORK, Network
 from epuckhebb.controller.plasticity.control import signs
 from epuckhebb.controller.random import Stream
 from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.maze import SIDES, Side
 from epuckhebb.tmaze.outcome import Outcome
 from epuckhebb.tmaze.robot import STEP_S
 from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.session import Individual
 from epuckhebb.tmaze.task import rewarded
 
 _CONDITION = ("genome", "experiment", "scenario", "light", "obstacles", "controller", "N", "signal")
@@ -53,6 +52,14 @@ class Traces:
     side: list[str]
     samples: Samples
     trials: Rows = field(default_factory=list)
+
+    def lifetimes_of(self, controller: str) -> dict[str, Samples]:
+        """The samples of the lifetimes of a controller by side."""
+        return {
+            side: Samples(*(array[k] for array in self.samples))
+            for k, (name, side) in enumerate(zip(self.controller, self.side, strict=True))
+            if name == controller
+        }
 
 
 def evaluate(
@@ -86,7 +93,7 @@ def evaluate(
     names = [f"{controller.name}, N = {controller.rule.N:g}" for controller in everyone]
     if len(set(names)) < len(names):
         raise ValueError(f"two controllers have the same name and N, of {'; '.join(names)}")
-    if nominal is None and any(controller.adaptation.needs_nominal for controller in controllers):
+    if nominal is None and any(controller.adaptation.acts for controller in controllers):
         raise ValueError("an adaptation with a change signal needs the nominal statistics of the training world")
     wanted: list[tuple[int, Side, int]] = [
         (number, side, repeat) for number in range(len(everyone)) for side in SIDES for repeat in range(repeats)

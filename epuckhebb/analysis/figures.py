@@ -16,11 +16,11 @@ from matplotlib.patches import Circle, Rectangle
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
-from epuckhebb.adaptation.controller import CONTROLS, GA, HEBBIAN
 from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.analysis.floor import view
 from epuckhebb.analysis.moments import arrival, begins, timed_change_text, with_gaps
 from epuckhebb.controller.plasticity.control import Sign
+from epuckhebb.tmaze.individual import CONTROLS, GA, HEBBIAN
 from epuckhebb.tmaze.maze import SIDES, Side, boxes
 from epuckhebb.tmaze.scenario import Scenario
 

@@ -13,7 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from epuckhebb.analysis.statistics import bootstrap_mean, wilson
-from epuckhebb.analysis.tables import code, markdown_table
+from epuckhebb.analysis.tables import Table, code
 from epuckhebb.controller.random import Stream, rng
 from epuckhebb.flock.coupling import Coupling, Moment, transfer_entropy
 from epuckhebb.flock.plane import CHANGE_S, SAMPLE_S, Flock, Record, run
@@ -171,13 +171,13 @@ def usual(table: pd.DataFrame) -> pd.DataFrame:
     return table[own]
 
 
-def main_table(table: pd.DataFrame) -> str:
-    """In Markdown, the rows of the usual condition, a table for each kind of break."""
+def main_tables(table: pd.DataFrame) -> list[Table]:
+    """The rows of the usual condition, a table for each kind of break."""
     head = [
         "couplings", "before", "just after", "long after", "difference to frozen", "runs above .9", "weight to the "
         "broken", "effective leaders", "polarisation", "spread (m)", "least gap (mm)",
     ]  # fmt: skip
-    parts = []
+    tables = []
     for breaks, own in usual(table).groupby("breaks", sort=False):
         rows = []
         for row in own.to_dict("records"):
@@ -186,14 +186,12 @@ def main_table(table: pd.DataFrame) -> str:
             cells += [f"{row['good'] * row['runs']:.0f} of {row['runs']}"]
             cells += [_with_interval(row, name, 2) for name in METRICS[3:7]]
             rows.append([_name(row["coupling"]), *cells, f"{1000 * row['least_gap_m']:.1f}"])
-        parts.append(f"{WHAT_BREAKS[str(breaks)].capitalize()} (n = {row['runs']}):\n\n{markdown_table(head, rows)}")
-    return "\n".join(parts)
+        tables.append(Table(head, rows, f"{WHAT_BREAKS[str(breaks)].capitalize()} (n = {row['runs']})"))
+    return tables
 
 
-def sweep_table(table: pd.DataFrame) -> str:
-    """In Markdown, the cosine long after the break in every condition, a row each; empty without a sweep."""
-    if len(usual(table)) == len(table):
-        return ""
+def sweep_table(table: pd.DataFrame) -> Table:
+    """The cosine long after the break in every condition, a row each."""
     names = list(dict.fromkeys(table.coupling))
     rows = []
     for condition, own in table.groupby(list(CONDITION[:-1]), sort=False):
@@ -203,21 +201,21 @@ def sweep_table(table: pd.DataFrame) -> str:
             [str(breaks), f"{loudness:g}", f"{knowers}", f"{range_m:g}", f"{own.runs.iloc[0]}"]
             + [_with_interval(cells[name], "long_after", 2) for name in names]
         )
-    return markdown_table(["breaks", "loudness", "knowers", "range (m)", "n", *map(_name, names)], rows)
+    return Table(["breaks", "loudness", "knowers", "range (m)", "n", *map(_name, names)], rows)
 
 
-def estimator_table(checks: pd.DataFrame) -> str:
-    """In Markdown, the checks of the estimator."""
+def estimator_table(checks: pd.DataFrame) -> Table:
+    """The checks of the estimator."""
     rows = [
         [row.case, f"{row.estimate:.4g}", "–" if np.isnan(row.expected) else f"{row.expected:.4g}"]
         for row in checks.itertuples()
     ]
-    return markdown_table(["case", "estimate", "expected"], rows)
+    return Table(["case", "estimate", "expected"], rows)
 
 
 def page(table: pd.DataFrame, checks: pd.DataFrame, made: str, figures: Sequence[str]) -> str:
-    """The page of a study. made: a sentence on its settings. figures: the names of its pictures."""
-    swept = sweep_table(table)
+    """The page of a study. made: a sentence on its settings. figures: the names of the files of its figures."""
+    is_swept = len(usual(table)) < len(table)
     return "\n".join(
         [
             "# Couplings between robots: influence or competence?\n",
@@ -225,9 +223,9 @@ def page(table: pd.DataFrame, checks: pd.DataFrame, made: str, figures: Sequence
             "over flocks. *Shuffled*: the coupling is given the transfer entropy of other pairs, or the live fitness "
             "of another robot. The oracle is given the number of the broken robot.\n",
             *(f"![{name.removesuffix('.png')}](figures/{name})\n" for name in figures),
-            main_table(table),
-            *([f"## Sweep: long after the break\n\n{swept}"] if swept else []),
-            f"## The estimator of transfer entropy on known cases\n\n{estimator_table(checks)}",
+            *(f"{one.title}:\n\n{one.markdown()}" for one in main_tables(table)),
+            *([f"## Sweep: long after the break\n\n{sweep_table(table).markdown()}"] if is_swept else []),
+            f"## The estimator of transfer entropy on known cases\n\n{estimator_table(checks).markdown()}",
         ]
     )
 

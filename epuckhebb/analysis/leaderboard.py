@@ -13,14 +13,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from epuckhebb.adaptation.controller import CLASSES, GA
 from epuckhebb.analysis import findings, rescue
-from epuckhebb.analysis.reversal import limits
 from epuckhebb.analysis.statistics import bootstrap_mean, bootstrap_ratio, sign_flip, wilson
-from epuckhebb.analysis.tables import code, markdown_table
+from epuckhebb.analysis.tables import Table, code, pictures
 from epuckhebb.evolution.training import Training
+from epuckhebb.tmaze.individual import CLASSES, GA
 from epuckhebb.tmaze.scenario import TRAINED, Scenario
-from epuckhebb.tmaze.tasks.reversal import Reversal
+from epuckhebb.tmaze.task import Task
 
 FIGURE = "leaderboard.png"
 REVERSAL = "reversal"  # the experiment that is not one of the paper's
@@ -86,18 +85,19 @@ def of_champion(metrics: pd.DataFrame, training_world: str) -> tuple[dict[str, i
     return count, worlds
 
 
-def of_learner(metrics: pd.DataFrame, task: Reversal) -> tuple[dict[str, int | None], pd.DataFrame]:
+def of_learner(metrics: pd.DataFrame, task: Task) -> tuple[dict[str, int | None], pd.DataFrame]:
     """The counts of a champion in reversal learning: a row for it, and a row for its world.
 
     It solves the task if its share of rewarded trials is nearer to the optimum than to chance. metrics: its lifetimes
     without plasticity and, if it has any, with it and with the reward inverted.
     """
     each = metrics.groupby("controller", sort=False).rewarded_share.agg(["sum", "size"])
-    rewarded = [int(total) for total in (each["sum"] * task.trials).round()]
-    trials = int(each["size"].iloc[0]) * task.trials
+    of_lifetime = len(task.initial_trials("left", 0))
+    rewarded = [int(total) for total in (each["sum"] * of_lifetime).round()]
+    trials = int(each["size"].iloc[0]) * of_lifetime
     alone, own, *inverted = rewarded if len(rewarded) > 1 else rewarded * 2
     count: dict[str, int | None] = {
-        "solves": int(own / trials > sum(limits(task).values()) / 2),
+        "solves": int(own / trials > sum(task.limits().values()) / 2),
         "trials": trials,
         "successes": own,
         "successes_off": alone if len(rewarded) > 1 else None,
@@ -179,68 +179,48 @@ def success_in(worlds: pd.DataFrame) -> pd.DataFrame:
     return (summed.successes / summed.trials).unstack("tests")[worlds.tests.unique()]
 
 
-def cells(row: Any, *, of_tests: Sequence[float] = ()) -> list[str]:
-    """The cells of a row of `table`, below `head`."""
-    matched_control = (
-        f"{rescue.difference(row)}, p = {row.sign_flip_p:.2g}, to {code(row.matched_control)}"
-        if row.matched_control
-        else "–"
-    )
-    return [
-        code(row.method),
-        row.kind,
-        *([] if row.experiment == REVERSAL else [row.knowledge]),
-        f"{row.solved} of {row.champions}",
-        f"**{rescue.share(row.success, row.success_low, row.success_high)}**",
-        *(f"{share:.2f}" for share in of_tests),
-        rescue.share(row.retention, row.retention_low, row.retention_high),
-        f"{row.best:.2f}",
-        matched_control,
-        _or_dash(row.success_off),
-        *([_or_dash(row.success_inverted)] if row.experiment == REVERSAL else []),
-        f"{row.evolved_parameters}",
-        f"{row.robot_steps / 1e6:.1f}",
-    ]
-
-
-def _or_dash(share: float) -> str:
-    return "–" if np.isnan(share) else f"{share:.2f}"
-
-
-def head(experiment: str, tests: Sequence[str] = ()) -> list[str]:
-    """The headings of the table of an experiment. tests: sweeps that have a column of their own."""
-    if experiment == REVERSAL:
-        given, success, controls = (
-            [],
-            ["learn", "rewarded share", "of those that learn"],
-            ["rule off", "reward inverted"],
-        )
-    else:
-        apart = [f"in {code(name)}{f', seen by {code(SEEN[name])}' if name in SEEN else ''}" for name in tests]
-        success = ["solves both sides in training", "success over the test worlds", *apart, "retention"]
-        given, controls = ["knowledge"], ["rule off"]
-    return [
-        *("method", "kind", *given, *success, "best champion", "difference to the matched control", *controls),
-        *("evolved parameters", "million robot-steps"),
-    ]
-
-
-def markdown_of(own: pd.DataFrame, worlds: pd.DataFrame, costs: pd.DataFrame | None = None) -> str:
-    """The rows of an experiment in Markdown; costs: CPU seconds, for two more columns.
+def readable(own: pd.DataFrame, worlds: pd.DataFrame, costs: pd.DataFrame | None = None) -> Table:
+    """The rows of an experiment as a table to read; costs: CPU seconds, for two more columns.
 
     worlds: a row for each method and test world. Sweeps have columns of their own where there are several.
     """
     experiment = str(own.experiment.iloc[0])
+    learning = experiment == REVERSAL
     here = worlds[worlds.experiment == experiment]
     shares = success_in(here) if here.tests.nunique() > 1 else pd.DataFrame(index=own.method)
-    headings = head(experiment, list(shares.columns))
-    rows = [cells(row, of_tests=shares.loc[str(row.method)].tolist()) for row in own.itertuples()]
-    if costs is not None:
-        headings += ["CPU s to evolve", "CPU s to test"]
-        for row, shown in zip(own.itertuples(), rows, strict=True):
-            cost = _of(costs, str(row.experiment), str(row.method)).iloc[0]
-            shown += [f"{cost.evolve_cpu_s:.0f}", f"{cost.test_cpu_s:.1f}"]
-    return markdown_table(headings, rows)
+    apart = [f"in {code(name)}{f', seen by {code(SEEN[name])}' if name in SEEN else ''}" for name in shares]
+    headings = ["method", "kind", "learn" if learning else "solves both sides in training"]
+    headings += ["rewarded share" if learning else "success over the test worlds", *apart]
+    headings += [
+        "of those that learn" if learning else "retention",
+        "best champion",
+        "difference to the matched control",
+    ]
+    headings += ["rule off", *(["reward inverted"] if learning else []), "evolved parameters", "million robot-steps"]
+    headings += [] if costs is None else ["CPU s to evolve", "CPU s to test"]
+    rows = []
+    for row in own.itertuples():
+        control = f"{rescue.difference(row)}, p = {row.sign_flip_p:.2g}, to {code(row.matched_control)}"
+        cells = [code(row.method), row.kind, f"{row.solved} of {row.champions}"]
+        cells += [f"**{rescue.share(row.success, row.success_low, row.success_high)}**"]
+        cells += [f"{share:.2f}" for share in shares.loc[str(row.method)]]
+        cells += [rescue.share(row.retention, row.retention_low, row.retention_high), f"{row.best:.2f}"]
+        cells += [control if row.matched_control else "–", _or_dash(row.success_off)]
+        cells += [_or_dash(row.success_inverted)] if learning else []
+        cells += [f"{row.evolved_parameters}", f"{row.robot_steps / 1e6:.1f}"]
+        if costs is not None:
+            cost = _of(costs, experiment, str(row.method)).iloc[0]
+            cells += [f"{cost.evolve_cpu_s:.0f}", f"{cost.test_cpu_s:.1f}"]
+        if not learning:  # there all rules have the same knowledge, the reward
+            cells.insert(2, row.knowledge)
+        rows.append(cells)
+    if not learning:
+        headings.insert(2, "knowledge")
+    return Table(headings, rows, f"{title(experiment)} (95 % interval)", text=2)
+
+
+def _or_dash(share: float) -> str:
+    return "–" if np.isnan(share) else f"{share:.2f}"
 
 
 def markdown(
@@ -262,12 +242,12 @@ def markdown(
         if tested:
             names = ", ".join(map(code, tested))
             where = f"Training world: {code(TRAINED[str(experiment)])}. {len(tested)} test worlds: {names}.\n"
-        parts += [f"## {title(str(experiment))}\n", where, markdown_of(own, worlds, costs)]
+        parts += [f"## {title(str(experiment))}\n", where, readable(own, worlds, costs).markdown()]
     parts += [
         "## Figure\n",
-        f"![{CAPTION}](figures/{FIGURE})\n\n*{CAPTION}*\n",
+        *pictures({FIGURE: CAPTION}),
         "## Methods\n",
-        markdown_table(["method", "description"], [[code(name), text] for name, text in methods.items()]),
+        Table(["method", "description"], [[code(name), text] for name, text in methods.items()]).markdown(),
     ]
     return "\n".join(parts)
 

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from epuckhebb.adaptation.controller import GA
 from epuckhebb.analysis.evaluate import COLUMNS
+from epuckhebb.tmaze.individual import GA
 
 ANY = "any"  # the value of a setting of plasticity in the rows of the GA
 OWN_COLUMN = {  # keys that metrics.csv has a column for

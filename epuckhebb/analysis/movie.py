@@ -38,27 +38,21 @@ def gif(traces: Traces, scenario: Scenario, title: str, track: Track = iter) -> 
     def last_of_each_world(moments: Sequence[float]) -> list[float]:
         return sorted({moments[max(0, int(np.searchsorted(moments, end)) - 1)] for end in ends})
 
-    palette = _palette(np.concatenate(list(_frames(traces, scenario, title, last_of_each_world, 1.0))))
-    first, *rest = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
-    buffer = io.BytesIO()
-    duration = round(1000 / frames_per_second)
-    first.save(buffer, "GIF", save_all=True, append_images=rest, duration=duration, loop=0, optimize=False)
-    return buffer.getvalue()
-
-
-def _palette(frame: NDArray[np.uint8]) -> Image.Image:
-    """One palette for all frames: the commonest colours of the last frame of each world, which has them all.
-
-    Colours keep a distance of 8 levels: Pillow looks them up no finer than that. White therefore stays white.
-    """
-    colours, counts = np.unique(frame.reshape(-1, 3).astype(int), axis=0, return_counts=True)
+    # One palette for all frames: the commonest colours of the last frame of each world, which has them all. Colours
+    # keep a distance of 8 levels: Pillow looks them up no finer than that. White therefore stays white.
+    pixels = np.concatenate(list(_frames(traces, scenario, title, last_of_each_world, 1.0))).reshape(-1, 3)
+    colours, counts = np.unique(pixels.astype(int), axis=0, return_counts=True)
     chosen = np.empty((0, 3), int)
     for colour in colours[np.argsort(-counts)]:
         if len(chosen) < 256 and (np.abs(chosen - colour).max(axis=1) >= 8).all():
             chosen = np.vstack([chosen, colour])
     palette = Image.new("P", (1, 1))
     palette.putpalette(chosen.ravel().tolist())
-    return palette
+    first, *rest = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
+    buffer = io.BytesIO()
+    duration = round(1000 / frames_per_second)
+    first.save(buffer, "GIF", save_all=True, append_images=rest, duration=duration, loop=0, optimize=False)
+    return buffer.getvalue()
 
 
 def mp4(traces: Traces, scenario: Scenario, title: str, track: Track = iter) -> bytes:
@@ -104,7 +98,9 @@ def _frames(
     phases = [(step * STEP_S, world) for step, world in scenario.phases]
     still: Any = None
     shown, drawn = -1, list[Artist]()
-    end = _end(time, pose, phases[-1][0])
+    away = np.hypot(*np.moveaxis(pose[:, :, :2] - pose[:, -1:, :2], -1, 0)).max(axis=0) > 0.02
+    rest = time[np.flatnonzero(away)[-1]] if away.any() else time[0]  # the last robot is within 2 cm of its end
+    end = float(min(time[-1], max(rest, phases[-1][0]) + _REST_S)) + 1e-9
     for now in track(np.arange(0.0, end, _SPEED / frames_per_second).tolist()):
         phase = sum(since <= now for since, _ in phases) - 1
         if phase != shown:  # walls, obstacles and goals are drawn once for each world
@@ -134,10 +130,3 @@ def _frames(
 
 def _width(traces: Traces) -> int:
     return max(_LEAST_WIDTH, _PANEL_WIDTH * len(set(traces.controller)))
-
-
-def _end(time: NDArray[np.float64], pose: NDArray[np.float64], last_change: float) -> float:
-    """The end of the film [s]: `_REST_S` after the last change and after the last robot is within 2 cm of its end."""
-    away = np.hypot(*np.moveaxis(pose[:, :, :2] - pose[:, -1:, :2], -1, 0)).max(axis=0) > 0.02
-    rest = time[np.flatnonzero(away)[-1]] if away.any() else time[0]
-    return float(min(time[-1], max(rest, last_change) + _REST_S)) + 1e-9

@@ -6,12 +6,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from epuckhebb.adaptation.controller import GA
 from epuckhebb.analysis.findings import PAPER_N
-from epuckhebb.analysis.tables import ROWS, markdown_table
+from epuckhebb.analysis.tables import NEW_LINE, ROWS, Table
+from epuckhebb.tmaze.individual import GA
 from epuckhebb.tmaze.maze import SIDES
 
-NEW_LINE = "<br>"  # in a cell of a table in Markdown
 CELL = ["scenario", "controller", "side"]
 _DECIMALS = {"success": 0, "time_to_goal_s": 2}
 _DURATION_S = {"light": 200.0, "obstacles": 250.0}
@@ -76,7 +75,7 @@ def with_repeats(comparison: pd.DataFrame, lifetimes: pd.DataFrame) -> pd.DataFr
         low, high = np.quantile(values, [0.025, 0.975]) if len(values) else (np.nan, np.nan)
         below = (values < cell.published).mean() + (values == cell.published).mean() / 2 if len(values) else np.nan
         rows.append({**cell, "n": len(values), "low": low, "high": high, "percentile": 100 * below})
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows).drop(columns=["median", "q25", "q75"])
 
 
 def _at_cell(table: pd.DataFrame, cell: "pd.Series[Any]") -> pd.DataFrame:
@@ -84,7 +83,7 @@ def _at_cell(table: pd.DataFrame, cell: "pd.Series[Any]") -> pd.DataFrame:
     return table[(table[["experiment", *CELL]] == cell[["experiment", *CELL]]).all(axis=1) & (rate == table.N)]
 
 
-def to_markdown(comparison: pd.DataFrame, *, of_all: bool) -> str:
+def table(comparison: pd.DataFrame, *, of_all: bool) -> Table:
     """A table in the paper's layout; each cell `ours (paper)`, or for all champions `median [quartiles] (paper)`."""
     columns = comparison[CELL].drop_duplicates()
     head = ["", *(f"{c.scenario}{NEW_LINE}{c.controller} {c.side}" for c in columns.itertuples())]
@@ -98,7 +97,7 @@ def to_markdown(comparison: pd.DataFrame, *, of_all: bool) -> str:
             value = of_metric.loc[tuple(column)] if tuple(column) in of_metric.index else None
             cells.append("–" if value is None else _cell(value, metric, of_all=of_all))
         lines.append([f"**{row}**", *cells])
-    return markdown_table(head, lines, numbers=True)
+    return Table(head, lines, numbers=True)
 
 
 def _cell(value: "pd.Series[Any]", metric: str, *, of_all: bool) -> str:

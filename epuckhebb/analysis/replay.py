@@ -17,13 +17,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.adaptation.controller import CONTROLS, GA, HEBBIAN
 from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.analysis.figures import controller_title
 from epuckhebb.analysis.floor import floor, view
 from epuckhebb.analysis.moments import Arrival, arrival, begins, change_text, put_back
 from epuckhebb.analysis.page import filled, policy
 from epuckhebb.controller.network import PAPER_NETWORK, Network, initial_weights_of
+from epuckhebb.tmaze.individual import CONTROLS, GA, HEBBIAN
 from epuckhebb.tmaze.lifetime import CONTACT
 from epuckhebb.tmaze.maze import SIDES, Side, boxes
 from epuckhebb.tmaze.robot import STEP_S

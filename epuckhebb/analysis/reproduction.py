@@ -1,21 +1,97 @@
-"""The paper's experiment over many champions: the tables and the figures of the report."""
+"""The paper's experiment over many champions: its tables, its figures and its page.
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+Every number of the page is from a table that is also a CSV file.
+"""
 
+from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from epuckhebb.adaptation.controller import CONTROLS, HEBBIAN, Controller
-from epuckhebb.analysis import charts, figures, findings, published, report
+from epuckhebb.analysis import findings, published, rescue
 from epuckhebb.analysis.evaluate import evaluate
+from epuckhebb.analysis.findings import PAPER_N, RULE
+from epuckhebb.analysis.tables import Table, code, pictures
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze.fitness import Signal
+from epuckhebb.tmaze.individual import CONTROLS, GA, HEBBIAN, Controller
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.scenario import TRAINED, Scenario
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_SHOWCASE = (
+    "Among the champions that solve both sides in training (among all, if none does), it agrees with the paper in most "
+    "cells. Of equals it has the lowest seed. It shows that the pattern exists, not how often."
+)
+CLAIMS = f"Each claim is a question to every trial that could show it. {RULE}\n"
+RESCUE_TEXT = (
+    f"{rescue.COUNTED} The difference is success with plasticity minus success without, over all trials. Its p is from "
+    "an exact sign-flip test by champion. The controls change the weights by as much, in other directions."
+)
+
+
+def markdown(
+    tables: Mapping[str, pd.DataFrame],
+    paper: Mapping[str, Any],
+    showcase: Mapping[str, tuple[str, int, int]],
+    captions: Mapping[str, str],
+    *,
+    champions: int,
+    repeats: int,
+    given: bool,
+    provenance: str,
+) -> str:
+    """The page.
+
+    tables: of `tables_of`. paper: the published tables. showcase: of `showcases`. captions: of the figures, in
+    order. champions: of each experiment. repeats: of every condition. given: whether one given
+    genome takes the place of champions. provenance: a line on the origin of the data.
+    """
+    parts = [
+        "# The paper's experiment, reproduced\n",
+        f"{provenance}\n",
+        f"{rescue.trial(repeats)} Intervals are 95 %. Intervals and p values take champions as the independent "
+        "unit, not trials.\n",
+    ]
+    if not given:
+        parts += ["## The paper's claims\n", CLAIMS, claims_table(tables["claims"]).markdown()]
+    parts += ["## Tables 1 to 3: ours (the paper's)\n"]
+    for name, group in tables["comparison"].groupby("table", sort=False):
+        shown, agreeing, cells = showcase[group.experiment.iloc[0]]
+        ours = published.table(group, of_all=False).markdown()
+        parts.append(f"### {paper[str(name)]['title']}\n")
+        if given:
+            parts += [f"Genome {code(shown)}.\n", ours]
+            parts += ["\nRelative deviation from the published value, and where that is among the repeats:\n"]
+            repeated = tables["repeats"]
+            parts += [_deviations(repeated[repeated.table == name]).markdown()]
+            continue
+        parts += [
+            f"Showcase: {code(shown)}, mean of its repeats. {_SHOWCASE} It agrees in {agreeing} of the {cells} cells "
+            f"of this experiment; {champions} champions were compared.\n",
+            ours,
+            f"\nAll {champions} champions, median [quartiles]:\n",
+            published.table(group, of_all=True).markdown(),
+        ]
+    if not given:
+        parts += [
+            "## Over all champions\n",
+            "### Success\n",
+            success_table(tables["success"]).markdown(),
+            "### Rescue and harm\n",
+            f"{RESCUE_TEXT}\n",
+            rescue_table(tables["rescue_and_harm"]).markdown(),
+            "### Retention\n",
+            f"{rescue.RETENTION}\n",
+            rescue.retention_table(_at_paper_rates(tables["retention"]), by_experiment=True).markdown(),
+        ]
+    return "\n".join([*parts, "## Figures\n", *pictures(captions)])
 
 
 def worlds(experiment: str) -> tuple[str, ...]:
@@ -25,7 +101,7 @@ def worlds(experiment: str) -> tuple[str, ...]:
 
 def controllers(experiment: str, rates: Sequence[float], signal: Signal) -> list[Controller]:
     """The paper's rule and its controls, at each of the rates and at the paper's."""
-    every = sorted({*rates, findings.PAPER_N[experiment]})
+    every = sorted({*rates, PAPER_N[experiment]})
     return [hebbian(rate, signal, sign) for sign in Sign for rate in every]
 
 
@@ -34,88 +110,143 @@ def hebbian(rate: float, signal: Signal, sign: Sign = Sign.hebbian) -> Controlle
     return Controller(name=CONTROLS[sign], rule=Paper(N=rate, sign=sign, signal=signal))
 
 
-def findings_of(
-    metrics: pd.DataFrame, paper: Mapping[str, Any], unchanged: Mapping[str, int], **facts: Any
-) -> tuple[report.Findings, dict[str, pd.DataFrame]]:
-    """The findings, for the report, and every table by its name.
-
-    metrics: the lifetimes of all champions. paper: the published tables. unchanged: for each experiment, how many
-    champions had a bit-identical genome after their lifetimes. facts: `champions`, `given`, `repeats` and `provenance`
-    of `report.Findings`.
-    """
-    each, success = findings.trials(metrics), published.published_success(paper)
-    showcase = {one: findings.showcase(each, success, one) for one in unchanged}
-    shown = {one: name for one, (name, *_) in showcase.items()}
+def tables_of(metrics: pd.DataFrame, paper: Mapping[str, Any], *, given: bool) -> dict[str, pd.DataFrame]:
+    """Every table by its name. metrics: the lifetimes of all champions. paper, given: as of `markdown`."""
+    each = findings.trials(metrics)
+    shown = {one: name for one, (name, *_) in showcases(each, paper).items()}
     comparison = published.compare(published.published_values(paper), each, shown)
-    comparison["title"] = [paper[table]["title"] for table in comparison.table]
     tables = {
-        "claims": findings.claims(each, dict(unchanged)),
+        "metrics": metrics,
+        "trials": each,
+        "claims": findings.claims(each),
         "success": findings.success(each),
         "rescue_and_harm": findings.rescue_and_harm(each),
         "retention": findings.retention(each),
         "dose_response": findings.dose_response(each),
+        "comparison": comparison,
     }
-    own = {"comparison": comparison.drop(columns="title")}
-    if facts["given"]:
-        comparison = published.with_repeats(comparison, metrics)
-        own["repeats"] = comparison.drop(columns=["title", "median", "q25", "q75"])
-    found = report.Findings(**tables, comparison=comparison, showcase=showcase, **facts)
-    return found, {"metrics": metrics, "trials": each, **tables, **own}
+    return tables | ({"repeats": published.with_repeats(comparison, metrics)} if given else {})
+
+
+def showcases(each: pd.DataFrame, paper: Mapping[str, Any]) -> dict[str, tuple[str, int, int]]:
+    """The showcase of each experiment; see `findings.showcase`. each: the trials. paper: the published tables."""
+    success = published.published_success(paper)
+    return {one: findings.showcase(each, success, one) for one in each.experiment.unique()}
 
 
 def figures_of(
-    found: report.Findings,
-    genomes: Mapping[str, NDArray[Any]],
+    doses: tuple[pd.DataFrame, pd.DataFrame],
+    shown: Mapping[str, tuple[str, NDArray[Any]]],
     signals: Mapping[str, Signal],
     world: Callable[[str], tuple[Scenario, Lifetime]],
     histories: Mapping[str, list[pd.DataFrame]],
     seed: int,
-) -> dict[str, tuple[str, Figure]]:
-    """The figures by the names of their files, each with a caption, in the order of the report.
+) -> dict[str, "Figure"]:
+    """The figures by name, each with its caption as label, in the order of the page.
 
-    genomes, signals: for each experiment the genes (234,) of the champion that is shown, and the live fitness. world:
-    gives the scenario of a name and its lifetime. histories: for each experiment the histories of its champions; empty
-    for a given genome. seed: of the noise.
+    doses: the tables `dose_response` and `rescue_and_harm`. shown, signals: for each experiment the champion that is
+    shown, its name and genes (234,), and the live fitness. world: gives the scenario of a name and its lifetime.
+    histories: for each experiment the histories of its champions; empty for a given genome. seed: of the noise.
     """
+    from epuckhebb.analysis import charts, figures  # matplotlib takes a while to load
+
+    made: dict[str, Figure] = {}
+
+    def add(name: str, figure: "Figure", caption: str) -> None:
+        figure.set_label(caption)
+        made[name] = figure
+
     maze = figures.maze(world("4obstacles")[0])
-    made = {
-        "maze.png": ("The maze: robot at the start, lamp, goals with their 5 cm circles, four obstacles (brown).", maze)
-    }
-    for one, genes in genomes.items():
-        name, rate = found.showcase[one][0], findings.PAPER_N[one]
-        plastic = hebbian(rate, signals[one])
-        recorded: dict[tuple[str, str], dict[str, Samples]] = {}
+    add("maze", maze, "The maze: robot at the start, lamp, goals with their 5 cm circles, four obstacles (brown).")
+    for one, (name, genes) in shown.items():
+        rate, recorded = PAPER_N[one], dict[str, dict[str, Samples]]()
+        at_rate = f"`{name}`, N = {rate:g}"
         for place in worlds(one):
             scenario, lifetime = world(place)
+            plastic = hebbian(rate, signals[one])
             _, traces = evaluate(genes, scenario, [plastic], lifetime, repeats=1, seed=seed, name=name)
-            title = f"{place}, {name}, N = {rate:g}, one lifetime a side"
-            made[f"trajectories_{place}.png"] = (
+            add(
+                f"trajectories_{place}",
+                figures.trajectories(traces, scenario, f"{place}, {name}, N = {rate:g}, one lifetime a side"),
                 f"{place}: trajectories of `{name}`, GA alone and with N = {rate:g}; one lifetime a side.",
-                figures.trajectories(traces, scenario, title),
             )
-            for k, (controller, side) in enumerate(zip(traces.controller, traces.side, strict=True)):
-                recorded.setdefault((place, controller), {})[side] = Samples(*(array[k] for array in traces.samples))
-        changed = {place: recorded[place, HEBBIAN] for place in findings.CHANGED[one]}
+            recorded[place] = traces.lifetimes_of(HEBBIAN)
+        changed = {place: recorded[place] for place in findings.CHANGED[one]}
         for against in ("fitness", "light" if one == "light" else "proximity"):
-            made[f"weight_change_{one}_{against}.png"] = (
-                f"{one}: weight change between samples against {against}, `{name}`, N = {rate:g}; left blue, right "
-                "orange.",
+            add(
+                f"weight_change_{one}_{against}",
                 charts.weight_change(changed, against, f"{name}, N = {rate:g}"),
+                f"{one}: weight change between samples against {against}, {at_rate}; left blue, right orange.",
             )
         last = findings.CHANGED[one][-1]
-        made[f"network_{one}.png"] = (
+        add(
+            f"network_{one}",
+            charts.network(genes, recorded[last], f"{name} in {last}, N = {rate:g}"),
             f"{last}: change of the weights of `{name}` by plasticity at N = {rate:g}, at the end of a lifetime.",
-            charts.network(genes, recorded[last, HEBBIAN], f"{name} in {last}, N = {rate:g}"),
         )
         if histories:
-            made[f"dose_response_{one}.png"] = (
+            n = len(histories[one])
+            add(
+                f"dose_response_{one}",
+                charts.dose_response(*doses, one, n),
                 f"{one}: success, time to goal, weight change, and rescue and harm with their controls, against N "
-                f"(n = {found.champions} champions).",
-                charts.dose_response(found.dose_response, found.rescue_and_harm, one, found.champions),
+                f"(n = {n} champions).",
             )
     if histories:
-        made["learning_curves.png"] = (
-            f"Learning curves: best and mean fitness, median and quartiles of {found.champions} evolutions.",
-            charts.learning_curves(dict(histories)),
-        )
+        n = len(next(iter(histories.values())))
+        caption = f"Learning curves: best and mean fitness, median and quartiles of {n} evolutions."
+        add("learning_curves", charts.learning_curves(dict(histories)), caption)
     return made
+
+
+def claims_table(claims: pd.DataFrame) -> Table:
+    """The claims with their verdicts, and which trials count."""
+    rows = [
+        [row.experiment, row.claim, f"**{row.verdict}**", f"{row.true} of {row.n}", _interval(row), row.counted]
+        for row in claims.itertuples()
+    ]
+    head = ["experiment", "claim", "verdict", "true in", "share", "which trials: what counts"]
+    return Table(head, rows, "The paper's claims")
+
+
+def _deviations(repeats: pd.DataFrame) -> Table:
+    rows = [
+        [row.scenario, f"{row.controller} {row.side}", row.metric, f"{row.published:g}", f"{row.ours:.4f}"]
+        + ["–" if np.isnan(row.relative_deviation) else f"{100 * row.relative_deviation:+.1f} %"]
+        + [f"[{row.low:.4f}, {row.high:.4f}]", "–" if np.isnan(row.percentile) else f"{row.percentile:.0f}", f"{row.n}"]
+        for row in repeats.itertuples()
+    ]
+    head = ["scenario", "controller", "metric", "paper", "ours", "deviation", "95 % of repeats", "paper's percentile"]
+    return Table([*head, "repeats"], rows)
+
+
+def _at_paper_rates(table: pd.DataFrame) -> pd.DataFrame:
+    return table[(table.N == 0) | (table.experiment.map(PAPER_N) == table.N)]
+
+
+def success_table(success: pd.DataFrame, controllers: Collection[str] = (GA, *CONTROLS.values())) -> Table:
+    """Success at the paper's rates, a row for each scenario and controller."""
+    own = _at_paper_rates(success[success.controller.isin(controllers)])
+    rows = []
+    for (experiment, scenario, controller), group in own.groupby(["experiment", "scenario", "controller"], sort=False):
+        sides = group.set_index("side")
+        cells = [
+            f"{sides.successes[side]} of {sides.n[side]}: {_interval(sides.loc[side])}"
+            for side in ("left", "right", "both")
+        ]
+        rows.append([experiment, scenario, rescue.label(controller, group.N.iloc[0]), *cells])
+    return Table(["experiment", "scenario", "controller", "left", "right", "both sides"], rows)
+
+
+def rescue_table(harm: pd.DataFrame) -> Table:
+    """Rescue and harm at the paper's rates, controls included."""
+    rows = [
+        [row.scenario, rescue.label(row.controller, row.N), *rescue.counts(row), rescue.difference(row)]
+        + ["–" if np.isnan(row.sign_flip_p) else f"{row.sign_flip_p:.2g}"]
+        for row in _at_paper_rates(harm).itertuples()
+    ]
+    return Table(["scenario", "plasticity", rescue.RESCUED, rescue.HARMED, "difference", "p"], rows)
+
+
+def _interval(row: Any) -> str:
+    return rescue.share(row.share, row.low, row.high)

@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from epuckhebb.adaptation.controller import HEBBIAN
-from epuckhebb.analysis.tables import markdown_table, plain
+from epuckhebb.analysis.tables import Table, plain
+from epuckhebb.tmaze.individual import HEBBIAN
 from epuckhebb.tmaze.scenario import TRAINED
 
 if TYPE_CHECKING:
@@ -59,21 +59,22 @@ def markdown(
         parts += [
             f"## The {experiment} experiment\n",
             f"Training world: {training}. Changed worlds: {changes}.\n",
-            over_all_table(own),
+            over_all_table(own).markdown(),
             "### Each world: rescued/broken, harmed/intact\n",
-            _by_scenario(own_scenarios),
+            _by_scenario(own_scenarios).markdown(),
             "### Retention\n",
             f"{RETENTION}\n",
-            retention_table(retention[retention.experiment == experiment]),
+            retention_table(retention[retention.experiment == experiment]).markdown(),
         ]
     parts.append(f'<img src="figures/{FIGURE}" alt="Rescue and harm of each plasticity, with intervals">\n')
     return "\n".join(parts)
 
 
-def over_all_table(own: "pd.DataFrame") -> str:
+def over_all_table(own: "pd.DataFrame") -> Table:
     """A row for each plasticity; own: the rows of an experiment in `findings.rescue_over_all`."""
     rows = [[plain(label(row.controller, row.N)), *counts(row), in_training(row)] for row in own.itertuples()]
-    return markdown_table(["plasticity", RESCUED, HARMED, IN_TRAINING], rows)
+    title = f"The {own.experiment.iloc[0]} experiment (95 % interval over champions)"
+    return Table(["plasticity", RESCUED, HARMED, IN_TRAINING], rows, title)
 
 
 def counts(row: Any) -> list[str]:
@@ -105,7 +106,7 @@ def share(value: float, low: float, high: float) -> str:
     return f"{value:.2f}" if np.isnan(low) else f"{value:.2f} [{low:.2f}, {high:.2f}]"
 
 
-def retention_table(retention: "pd.DataFrame", *, by_experiment: bool = False) -> str:
+def retention_table(retention: "pd.DataFrame", *, by_experiment: bool = False) -> Table:
     """A row for each plasticity; a column for all champions, and one for those that solve both sides in training.
 
     retention: of `findings.retention`. by_experiment: whether a first column names the experiment.
@@ -116,7 +117,7 @@ def retention_table(retention: "pd.DataFrame", *, by_experiment: bool = False) -
         cells = [retained(own[solves]) if solves in own else "–" for solves in SOLVES]
         rows.append([*([experiment] if by_experiment else []), plain(label(controller, rate)), *cells])
     head = [*(["experiment"] if by_experiment else []), "plasticity"]
-    return markdown_table([*head, *(f"champions that solve {sides} in training" for sides in SOLVES.values())], rows)
+    return Table([*head, *(f"champions that solve {sides} in training" for sides in SOLVES.values())], rows)
 
 
 def retained(row: Any) -> str:
@@ -128,7 +129,7 @@ def retained(row: Any) -> str:
     return f"{text}: {share(row.share, row.low, row.high)}{champions}"
 
 
-def _by_scenario(own: "pd.DataFrame") -> str:
+def _by_scenario(own: "pd.DataFrame") -> Table:
     """A cell for each plasticity and scenario; the longer of the two lists goes down the page."""
     own = own.assign(
         plasticity=[plain(label(row.controller, row.N)) for row in own.itertuples()],
@@ -137,6 +138,5 @@ def _by_scenario(own: "pd.DataFrame") -> str:
     )
     down, across = sorted(("plasticity", "scenario"), key=lambda name: own[name].nunique(), reverse=True)
     cells = own.set_index([down, across]).cell.unstack(across)[own[across].unique()].loc[own[down].unique()]
-    return markdown_table(
-        [down, *cells.columns], ([str(name), *row] for name, row in zip(cells.index, cells.to_numpy(), strict=True))
-    )
+    rows = [[str(name), *row] for name, row in zip(cells.index, cells.to_numpy(), strict=True)]
+    return Table([down, *cells.columns], rows)

@@ -4,26 +4,26 @@ All take the rows of `epuckhebb.analysis.lifetimes.gather`, one for each lifetim
 a condition.
 """
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import pandas as pd
 
-from epuckhebb.adaptation.controller import GA
 from epuckhebb.analysis import findings, rescue
 from epuckhebb.analysis.evaluate import COLUMNS, MEANS
 from epuckhebb.analysis.lifetimes import is_of_plasticity
 from epuckhebb.analysis.statistics import bootstrap_mean, wilson
-from epuckhebb.analysis.tables import code
+from epuckhebb.analysis.tables import Table, code, plain
+from epuckhebb.tmaze.individual import GA
+from epuckhebb.tmaze.maze import SIDES
 from epuckhebb.tmaze.scenario import TRAINED
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _TRIAL = ["experiment", "scenario", "controller", "N", "genome", "side", "seed", "repeat"]  # of rescue and harm
 _RATE = "N"
 _SUCCESS = ("n", "success", "success_noise_low", "success_noise_high")
 _REWARDED = "rewarded_share"  # the last mean, where a lifetime is many trials
+_MOST = 60  # rows of a table of success beside one of rescue and harm
 _BOUNDS = {"success": (0.0, 1.0), "weight_change_mean": None, _REWARDED: (0.0, 1.0)}  # of means over champions
 
 
@@ -82,8 +82,11 @@ def _means(lifetimes: pd.DataFrame, *, several: bool = True) -> dict[str, float]
     return means
 
 
-def dose_response(rows: pd.DataFrame, settings: list[str]) -> "Figure | None":
-    """A figure of success and weight change against the base rate; None unless several rates were set."""
+def dose_response(rows: pd.DataFrame, settings: list[str]) -> pd.DataFrame | None:
+    """Success and weight change at each base rate, a row each with a side; None unless several rates were set.
+
+    `genome`: the champion; empty for means over several.
+    """
     rows = _numeric(rows)
     plastic = rows[(rows.controller != GA) & (rows.N > 0)]
     swept = plastic.groupby("controller").N.nunique()
@@ -101,15 +104,9 @@ def dose_response(rows: pd.DataFrame, settings: list[str]) -> "Figure | None":
         title = f"{', '.join(_described(place, differ))}: {place['controller']}"
         for (controller, rate, side), cell in pd.concat([alone, own]).groupby(["controller", "N", "side"], sort=False):
             row = {"condition": title, "controller": controller, "N": rate, "side": side}
+            row["genome"] = "" if several else cell.genome.iloc[0]
             found.append(row | _means(cell, several=several))
-    doses = pd.DataFrame(found)
-    each = f"{doses.lifetimes.max()} lifetimes of {rows.genome.iloc[0]} on each side (95 % intervals: noise only)"
-    if several:
-        counts = dict.fromkeys(str(number) for number in sorted(doses.champions.unique()))
-        each = f"{' or '.join(counts)} champions on each side (95 % intervals over champions)"
-    from epuckhebb.analysis import charts  # matplotlib is slow to load
-
-    return charts.rates(doses, each)
+    return pd.DataFrame(found)
 
 
 def _described(place: dict[str, Any], differ: list[str]) -> Iterator[str]:
@@ -122,8 +119,8 @@ def _described(place: dict[str, Any], differ: list[str]) -> Iterator[str]:
             yield f"{key}={place[key]}"
 
 
-def rescue_and_harm(rows: pd.DataFrame) -> tuple[dict[str, pd.DataFrame], str, "Figure"] | None:
-    """Rescue and harm: tables by their names, a page in Markdown, and a figure.
+def rescue_and_harm(rows: pd.DataFrame) -> tuple[dict[str, pd.DataFrame], str] | None:
+    """Rescue and harm: tables by their names, and a page in Markdown.
 
     None unless each of several champions ran once in its training world and in changed worlds: see `no_rescue`.
     """
@@ -138,9 +135,7 @@ def rescue_and_harm(rows: pd.DataFrame) -> tuple[dict[str, pd.DataFrame], str, "
     page = rescue.markdown(over_all, by_scenario, retention, champions, lifetimes.repeat.nunique(), seeds)
     found = {"rescue_over_all": over_all, "rescue_and_harm": by_scenario, "retention": retention}
     found["rescue_by_champion"] = findings.rescue_by_champion(each)
-    from epuckhebb.analysis import charts
-
-    return found, page, charts.rescue_over_all(over_all)
+    return found, page
 
 
 def _can_rescue(rows: pd.DataFrame) -> bool:
@@ -173,3 +168,57 @@ def _numbers(column: pd.Series) -> pd.Series:
         return pd.to_numeric(column)
     except ValueError:
         return column
+
+
+def readable(tables: Mapping[str, pd.DataFrame]) -> list[Table]:
+    """The tables to read: the success of each condition, over champions if there are several; rescue and harm.
+
+    tables: those of `summary`, `over_champions` and `rescue_and_harm` by name, as far as they are there. A long table
+    of success is left out where there is rescue and harm.
+    """
+    harm = []
+    if "rescue_over_all" in tables:
+        harm = [rescue.over_all_table(own) for _, own in tables["rescue_over_all"].groupby("experiment", sort=False)]
+    if "over_champions" in tables:
+        own = tables["over_champions"].rename(columns={"champions": "n"})
+        success = _success_table(own, "mean over {} champions", " over champions")
+    else:
+        own = tables["summary"].rename(columns={f"success_noise_{end}": f"success_{end}" for end in ("low", "high")})
+        success = _success_table(own, "{} lifetimes each", ": noise only, this champion")
+    return harm if harm and len(own) > _MOST else [*success, *harm]
+
+
+def _success_table(summary: pd.DataFrame, of: str, interval_is: str) -> list[Table]:
+    """A row for each condition and controller, named by what differs between them; no table without rows.
+
+    summary: up to `n`, columns that tell conditions apart. of: what the n counts. interval_is: what it is about.
+    """
+    if summary.empty:
+        return []
+    conditions = list(summary.columns[: summary.columns.get_loc("n")])
+    of_plasticity = summary[summary.controller != GA] if (summary.controller != GA).any() else summary
+    differ = [name for name in conditions if name == "controller" or of_plasticity[name].nunique() > 1]
+    apart = ("controller", "side")  # two controllers may have the same of all else
+    alike = {tuple(of_plasticity[name].factorize()[0]): name for name in differ if name not in apart}
+    shown = [*alike.values(), "controller"]  # of columns that tell the same, the last: a genome is known by its name
+    same = summary.n.nunique() == 1
+    rewarded = bool(_rewarded(summary))
+    has_interval = not rewarded or f"{_REWARDED}_low" in summary
+    rows: dict[tuple[str, ...], dict[str, str]] = {}
+    for row in summary.to_dict("records"):
+        place = tuple(plain(_cell(row[name])) for name in shown)
+        value = f"{row[_REWARDED]:.3f}" if rewarded else f"{row['success']:.2f}"
+        if has_interval:
+            name, form = (_REWARDED, ".3f") if rewarded else ("success", ".2f")
+            value += f" ({row[f'{name}_low']:{form}}–{row[f'{name}_high']:{form}})"
+        rows.setdefault(place, {})[row["side"]] = value + ("" if same else f" of {row['n']}")
+    facts = [of.format(summary.n.iloc[0])] if same else []
+    facts += [f"95 % interval{interval_is}"] if has_interval else []
+    title = "Rewarded share, by the end that is rewarded first" if rewarded else "Success"
+    headings = [*shown, *(side if rewarded else f"success, {side}" for side in SIDES)]
+    cells = [[*place, *(values.get(side, "") for side in SIDES)] for place, values in rows.items()]
+    return [Table(headings, cells, f"{title} ({'; '.join(facts)})" if facts else title, text=len(shown))]
+
+
+def _cell(value: Any) -> str:
+    return str(value) if not isinstance(value, float) else "" if math.isnan(value) else f"{value:g}"

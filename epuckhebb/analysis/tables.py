@@ -1,13 +1,14 @@
-"""The paper's tables: a row for each metric, a column for each controller and side."""
+"""Tables to read, in Markdown or in the terminal; the paper's: a row a metric, a column a controller and side."""
 
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from epuckhebb.adaptation.controller import GA
+from epuckhebb.tmaze.individual import GA
 
 ROWS: Mapping[str, str] = {
     "Success": "success",
@@ -18,6 +19,7 @@ ROWS: Mapping[str, str] = {
     "Weight Change Mean": "weight_change_mean",
 }
 BAR = r"\|"
+NEW_LINE = "<br>"  # in a cell of a table in Markdown
 _SIGNS = re.compile(r"[\\`*<>&\[\]~$#]|(?<!\w)_|_(?!\w)")  # Markdown shows an underscore within a word as it is
 _DECIMALS = {"Success": 2, "Time-to-Goal (s)": 2}
 
@@ -95,13 +97,34 @@ def to_markdown(table: Mapping[tuple[str, str], Mapping[str, float]]) -> str:
     text = formatted(table)
     head = ["", *(plain(" ".join(place)) for place in text)]
     rows = [[f"**{row}**", *(cells[row] for cells in text.values())] for row in ROWS]
-    return markdown_table(head, rows, numbers=True)
+    return Table(head, rows, numbers=True).markdown()
 
 
-def markdown_table(head: Sequence[str], rows: Iterable[Sequence[str]], *, numbers: bool = False) -> str:
-    """A table in Markdown; a bar in a cell does not end it. numbers: align all columns but the first on the right."""
-    rule = ["---", *["---:" if numbers else "---"] * (len(head) - 1)]
-    return "".join(f"| {' | '.join(cell.replace('|', BAR) for cell in line)} |\n" for line in (head, rule, *rows))
+@dataclass(frozen=True)
+class Table:
+    """A table to read. `markdown` is here; `epuckhebb.cli.console.print_table` shows it in the terminal.
+
+    headings: of the columns. rows: the cells of each, as Markdown has them. title: for the terminal. text: how many
+    leading columns hold text; in the terminal, the others hold figures. numbers: align all but the first column on the
+    right in Markdown.
+    """
+
+    headings: Sequence[str]
+    rows: Iterable[Sequence[str]]
+    title: str = ""
+    text: int = 1
+    numbers: bool = False
+
+    def markdown(self) -> str:
+        """The table in Markdown; a bar in a cell does not end it."""
+        rule = ["---", *["---:" if self.numbers else "---"] * (len(self.headings) - 1)]
+        lines = (self.headings, rule, *self.rows)
+        return "".join(f"| {' | '.join(cell.replace('|', BAR) for cell in line)} |\n" for line in lines)
+
+    def only(self, *columns: int, text: int = 1) -> "Table":
+        """The same with these columns alone. text: how many of them hold text."""
+        rows = [[row[column] for column in columns] for row in self.rows]
+        return Table([self.headings[column] for column in columns], rows, self.title, text)
 
 
 def rates(of: Sequence[tuple[str, float]]) -> str:
@@ -120,9 +143,19 @@ def plain(name: str) -> str:
     return _SIGNS.sub(r"\\\g<0>", " ".join(name.split()))
 
 
+def unmarked(cell: str) -> str:
+    """A cell without the signs of Markdown."""
+    return re.sub(r"\*\*|`|\\(.)", lambda sign: sign[1] or "", cell)
+
+
 def code(name: str) -> str:
     """A name in one line, as code in Markdown, whatever signs it has."""
     name = " ".join(name.split()) or " "
     fence = "`" * (1 + max(map(len, re.findall("`+", name)), default=0))
     space = " " if "`" in name else ""
     return f"{fence}{space}{name}{space}{fence}"
+
+
+def pictures(captions: Mapping[str, str]) -> list[str]:
+    """Figures and their captions in Markdown. captions: by the names of the files in `figures/`."""
+    return [f"![{caption}](figures/{name})\n\n*{caption}*\n" for name, caption in captions.items()]

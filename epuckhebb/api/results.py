@@ -21,7 +21,6 @@ from epuckhebb.live.server import Play
 from epuckhebb.runs import PreparedEvaluation, caption, notes_of
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Genome, traces_arrays, write_atomic
-from epuckhebb.tmaze.tasks.reversal import Reversal
 
 _LIVE = '<iframe src="{}" width="100%" height="860" style="border:0" allow="clipboard-write"></iframe>'
 _FRAME = '<iframe srcdoc="{}" width="100%" height="760" style="border:0" sandbox="allow-scripts"></iframe>'
@@ -148,7 +147,7 @@ class Evaluation:
 
     def _shown(self) -> pd.DataFrame:
         task = self.config.world.task
-        if isinstance(task, Reversal):
+        if task.has_trials:
             return reversal.table(self.metrics, self.trials, task, self.config.seed).set_index("controller")
         return self._framed(tables.formatted(tables.paper_table(self.metrics.to_dict("records"))))
 

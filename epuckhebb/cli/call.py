@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 from epuckhebb.cli.console import Terminal
 from epuckhebb.cli.options import Output, RunOptions
-from epuckhebb.runtime import ConfigError
+from epuckhebb.runtime import ConfigError, JobFailedError
 
 if TYPE_CHECKING:
     from epuckhebb.analysis.evaluate import Rows
-    from epuckhebb.studies.jobs import Job
+    from epuckhebb.studies.study import Planned
 
 
 def run_command(
@@ -72,39 +72,39 @@ def print_runs(command: str, runs: list[Path], output: Output, *, reported: bool
     )
 
 
-def print_study(folder: Path, output: Output) -> None:
-    """Print the results of a study."""
+def run_study(planned: "Planned", output: Output, *, dry_run: bool = False, fail_fast: bool = False) -> None:
+    """Run a study and print its results; with `dry_run` list its jobs."""
     from epuckhebb.cli import results, show
+    from epuckhebb.studies.study import conduct
 
-    output.print(lambda: show.as_json(folder), lambda console: results.print_results(folder, console))
+    folder = planned.folder
+    if dry_run:
+        jobs = _listed(planned)
+        output.print(lambda: jobs, lambda console: results.print_jobs(jobs, console))
+        return
+    outcome = conduct(planned, fail_fast=fail_fast)
+    facts = {"command": planned.study.command, "folder": str(folder), **outcome.as_json()}
+    output.print(lambda: show.as_json(folder) | facts, lambda console: results.print_results(folder, console))
+    if outcome.failures:
+        raise JobFailedError(planned.failure(outcome))
 
 
-def print_jobs(
-    command: str,
-    folder: Path,
-    jobs: "list[Job]",
-    output: Output,
-    purposes: "dict[str, str] | None" = None,
-    cpu_s: "dict[str, float] | None" = None,
-) -> None:
-    """List the jobs of a study that is not run.
+def _listed(planned: "Planned") -> dict[str, Any]:
+    """The jobs of a study that is not run, as JSON values, and about how long those to do take, if that is known."""
+    from epuckhebb.studies.jobs import todo
+    from epuckhebb.studies.sweep import Sweep
 
-    purposes: of each run; its overrides unless given. cpu_s: about how long each run takes [s], if that is known.
-    """
-    from epuckhebb.cli import results
-    from epuckhebb.studies import jobs as study_jobs
-
-    todo = {job.run for job in study_jobs.todo(folder, jobs)}
+    study, missing = planned.study, {job.run for job in todo(planned.folder, planned.jobs)}
     listed = [
         {
             "run": job.run,
-            "done": job.run not in todo,
+            "done": job.run not in missing,
             "overrides": job.overrides,
-            "what": purposes[job.run] if purposes else " ".join(job.overrides),
+            "what": job.purpose or " ".join(job.overrides),
         }
-        for job in jobs
+        for job in planned.jobs
     ]
-    plan: dict[str, Any] = {"command": command, "folder": str(folder), "jobs": listed}
-    if cpu_s:
-        plan["cpu_s"] = sum(cpu_s[run] for run in todo)
-    output.print(lambda: plan, lambda console: results.print_jobs(plan, console))
+    plan: dict[str, Any] = {"command": study.command, "folder": str(planned.folder), "jobs": listed}
+    if isinstance(study, Sweep):
+        plan["cpu_s"] = sum(study.cpu_s[run] for run in missing)
+    return plan

@@ -11,7 +11,7 @@ import typer
 
 from epuckhebb import __version__
 from epuckhebb.cli import completion
-from epuckhebb.cli.call import print_jobs, print_runs, print_study, run_command
+from epuckhebb.cli.call import print_runs, run_command, run_study
 from epuckhebb.cli.console import print_line
 from epuckhebb.cli.options import (
     Command,
@@ -32,7 +32,7 @@ from epuckhebb.cli.options import (
     with_genomes_named,
 )
 from epuckhebb.cli.output import open_in_browser, print_error
-from epuckhebb.runtime import JOB_FAILED, ConfigError, JobFailedError
+from epuckhebb.runtime import JOB_FAILED, ConfigError
 
 if TYPE_CHECKING:
     from epuckhebb.config import EvolveConfig
@@ -194,10 +194,10 @@ def reproduce(
     options: Output,
 ) -> None:
     """The paper's tables and figures, and whether its claims hold."""
-    from epuckhebb.studies.reproduce import reproduce as run
+    from epuckhebb.studies.reproduce import plan
 
     experiment, overrides = with_experiment(words, "all")
-    print_study(run(experiment, overrides, quick=quick), options)
+    run_study(plan(experiment, overrides, quick=quick), options)
 
 
 @app.command(cls=ConfiguredCommand)
@@ -213,16 +213,11 @@ def leaderboard(
     options: StudyOptions,
 ) -> None:
     """Which plasticity copes with worlds it was not evolved in."""
-    from epuckhebb.studies.leaderboard import leaderboard as run
-    from epuckhebb.studies.leaderboard_plan import plan
+    from epuckhebb.studies.leaderboard import plan
 
     experiment, overrides = with_experiment(words, "obstacles" if quick else "all")
     planned = plan(experiment, overrides, quick=quick, config_dir=options.config_dir)
-    if dry_run:
-        print_jobs("leaderboard", planned.folder, planned.jobs, options, planned.purposes)
-        return
-    run(planned)
-    print_study(planned.folder, options)
+    run_study(planned, options, dry_run=dry_run)
 
 
 @app.command(cls=ConfiguredCommand)
@@ -235,10 +230,10 @@ def flock(
 ) -> None:
     """Couplings between robots, and what they are good for."""
     from epuckhebb.config import check_config_dir
-    from epuckhebb.studies.flock import flock as run
+    from epuckhebb.studies.flock import plan
 
     check_config_dir(options.config_dir)
-    print_study(run(overrides or [], quick=quick, config_dir=options.config_dir), options)
+    run_study(plan(overrides or [], quick=quick, config_dir=options.config_dir), options)
 
 
 @app.command(cls=ConfiguredCommand)
@@ -251,28 +246,16 @@ def sweep(
     *,
     options: StudyOptions,
 ) -> None:
-    """A named sweep on all cores; again, it does what is not done."""
-    from epuckhebb.cli import results
+    """A named sweep or your own study; again, it does the rest."""
     from epuckhebb.config import check_config_dir
     from epuckhebb.runs import as_evolved
-    from epuckhebb.runtime import say
-    from epuckhebb.studies import jobs
-    from epuckhebb.studies.sweep import failure_of, plan
-    from epuckhebb.studies.sweep import sweep as run
+    from epuckhebb.studies.study import plan_own
+    from epuckhebb.studies.sweep import plan
 
-    config_dir = options.config_dir
+    config_dir, words = options.config_dir, with_genomes_named(overrides)
     check_config_dir(config_dir)
-    planned = plan(name, as_evolved(with_genomes_named(overrides), config_dir), config_dir)
-    if dry_run:
-        print_jobs("sweep", planned.folder, planned.jobs, options, cpu_s=planned.cpu_s)
-        return
-    todo = len(jobs.todo(planned.folder, planned.jobs))
-    say(f"{len(planned.jobs)} jobs in {planned.folder}/: {len(planned.jobs) - todo} done before, {todo} to do.")
-    outcome = run(planned, fail_fast=fail_fast)
-    result = {"command": "sweep", "folder": str(planned.folder), **outcome.as_json()}
-    options.print(lambda: result, lambda console: results.print_sweep(planned.folder, console))
-    if outcome.failures:
-        raise JobFailedError(failure_of(planned, outcome))
+    planned = plan_own(name, words) if ".py:" in name else plan(name, as_evolved(words, config_dir), config_dir)
+    run_study(planned, options, dry_run=dry_run, fail_fast=fail_fast)
 
 
 @app.command(cls=Command)

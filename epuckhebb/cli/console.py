@@ -1,6 +1,5 @@
 """Where the program prints: standard output and standard error, whatever they can show and whether or not one reads."""
 
-import re
 import textwrap
 from collections.abc import Iterable, Sequence
 
@@ -48,19 +47,8 @@ def print_table(
             the right, and stay whole where the text has room beside them.
     """
     written = [[str(cell) for cell in row] for row in rows]
-    widths = [
-        max([_HEADING if k >= text else len(heading), *(cell_len(row[k]) for row in written)])
-        for k, heading in enumerate(headings)
-    ]
+    widths = [max([_HEADING, *(cell_len(row[k]) for row in written)]) for k in range(len(headings))]
     whole = console.width - sum(width + _GAP for width in widths[text:]) >= text * _LEAST
-
-    def taken(most: int) -> int:
-        return sum(_GAP + (width if whole and k >= text else min(width, most)) for k, width in enumerate(widths)) - _GAP
-
-    most = next((one for one in range(console.width, _LEAST, -1) if taken(one) <= console.width), _LEAST)
-    # rich makes no column wider than this; a longer name breaks after a sign within it
-    name = re.compile(rf"(?=\S{{{most + 1}}})\S{{1,{most - 1}}}[_=/,](?=\S)")
-    written = [[name.sub(r"\g<0>\n", cell) for cell in row] for row in written]
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))
     for number, heading in enumerate(headings):
         if number < text:

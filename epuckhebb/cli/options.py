@@ -77,7 +77,7 @@ _EXAMPLES = {
         "all hydra/launcher=slurm",
     ],
     "flock": ["--quick", "flock=live_fitness flock.breaks=knower", "flock.coupling=my_couplings.py:Mine repeats=5"],
-    "sweep": ["light", 'n_sweep "seed=range(1,6)" genome=runs/evolve/RUN --dry-run', "obstacles hydra/launcher=slurm"],
+    "sweep": ["light", 'n_sweep "seed=range(1,6)" genome=runs/evolve/RUN --dry-run', "my_studies.py:Mine repeats=5"],
     "show": ["", "latest", "reference_7"],
     "keys": ["scenario", "evolve"],
     "export": ["runs/evaluate/RUN --webots", "reference_7 --webots --output controllers/genes_only"],

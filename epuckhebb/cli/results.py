@@ -1,24 +1,23 @@
 """Prints the tables of results: of an evaluation or an evolution, and of studies."""
 
 import math
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.text import Text
 
-from epuckhebb.adaptation.controller import GA
-from epuckhebb.analysis import rescue, tables
+from epuckhebb.analysis import tables
 from epuckhebb.analysis.evaluate import Rows
+from epuckhebb.analysis.tables import Table, unmarked
 from epuckhebb.cli.console import print_line, print_table
-from epuckhebb.config import settings
 from epuckhebb.runtime import thread_count
-from epuckhebb.store import CONFIG, Run, is_bundled, load_genome
-from epuckhebb.tmaze.maze import SIDES
+from epuckhebb.store import Run, is_bundled, load_genome
 from epuckhebb.tmaze.scenario import EXPERIMENTS
 
 if TYPE_CHECKING:
-    import pandas as pd
+    from epuckhebb.studies.study import Study
 
 _LISTED = 20  # jobs of a study that is not run
 
@@ -53,7 +52,7 @@ def evaluation_in_short(path: Path) -> str:
     )
 
 
-def print_reversal(path: Path, console: Console) -> None:
+def print_trials(path: Path, console: Console) -> None:
     """Print the rewarded share of each controller, beside chance and the optimum."""
     rows = []
     for row in Run(path).rows("reversal.csv"):
@@ -64,7 +63,7 @@ def print_reversal(path: Path, console: Console) -> None:
     _print_notes(path, console)
 
 
-def reversal_in_short(path: Path) -> str:
+def trials_in_short(path: Path) -> str:
     """The rewarded share of each controller, in one line."""
     shares = Run(path).table("reversal.csv")
     return "rewarded share: " + ", ".join(f"{row.controller} {row.rewarded_share:.2f}" for row in shares.itertuples())
@@ -76,25 +75,19 @@ def print_evolution(path: Path, console: Console) -> None:
     first, last = history[0], history[-1]
     best = f"best fitness {first['best_fitness']:.3f} → {last['best_fitness']:.3f}"
     mean = f"mean {first['mean_fitness']:.3f} → {last['mean_fitness']:.3f}"
-    console.print(Text(f"{len(history)} generations: {best}, {mean}; {_fittest(path, last)}."))
+    console.print(Text(f"{len(history)} generations: {best}, {mean}{_fittest(path, last)}."))
+
+
+def _fittest(path: Path, last: dict[str, Any]) -> str:
+    """How often the fittest of the last generation reached its goal, where a lifetime has one."""
+    if load_genome(str(path), "").task:
+        return ""
+    return f"; the fittest reached its goal in {100 * last['best_success']:.0f} % of its training lifetimes"
 
 
 def evolution_in_short(path: Path) -> str:
     """The best fitness of the last generation."""
     return f"best fitness {Run(path).rows('history.csv')[-1]['best_fitness']:.3f}"
-
-
-def _fittest(path: Path, last: dict[str, Any]) -> str:
-    """How often the fittest of the last generation reached its goal, or was rewarded."""
-    config = settings(Run(path).config_file) if Run(path).has(CONFIG) else {}
-    task = config.get("task") or {}
-    if task.get("kind") != "reversal":
-        return f"the fittest reached its goal in {100 * last['best_success']:.0f} % of its training lifetimes"
-    bonus = task["end_bonus"] + task["progress_bonus"] + config["training"]["success_bonus"] * last["best_success"]
-    return (
-        f"rewarded share of the fittest in training: {max(0.0, last['best_fitness'] - bonus):.3f} or more (its "
-        f"fitness without {bonus:.3g}, the bonus of a robot that reaches an end in every trial)"
-    )
 
 
 def _title(metrics: Rows) -> str:
@@ -136,141 +129,73 @@ def _duration(seconds: float) -> str:
     return next((f"{seconds / size:.0f} {name}" for name, size in units if seconds >= 2 * size), "2 minutes")
 
 
-def print_reproduction(path: Path, console: Console) -> None:
-    """Print which of the paper's claims hold."""
-    claims = Run(path).table("claims.csv")
-    rows = [(row.experiment, row.claim, row.verdict, f"{row.true} of {row.n}") for row in claims.itertuples()]
-    print_table(console, "The paper's claims", ("experiment", "claim", "verdict", "true in"), rows, text=3)
+_RESULTS = {  # file of results of a run -> what prints them, and what says them in short
+    "reversal.csv": (print_trials, trials_in_short),  # it has metrics.csv, too
+    "metrics.csv": (print_evaluation, evaluation_in_short),
+    "history.csv": (print_evolution, evolution_in_short),
+}
 
 
-def reproduction_in_short(path: Path) -> str:
-    """How many claims hold."""
-    claims = Run(path).table("claims.csv")
-    claims = claims[~claims.verdict.str.startswith("check")]
-    return f"{(claims.verdict == 'holds').sum()} of {len(claims)} claims hold"
+def print_results(path: Path, console: Console, metrics: Rows | None = None) -> None:
+    """Print the results of a run or of a study; nothing of a study that has not written its tables yet.
 
-
-def print_flock(path: Path, console: Console) -> None:
-    """Print where the robots of each coupling headed in the usual condition."""
-    from epuckhebb.analysis.flock import usual  # brings statistics
-
-    for breaks, own in usual(Run(path).table("flock.csv")).groupby("breaks", sort=False):
-        rows = [
-            (
-                row.coupling,
-                f"{row.before:.3f}",
-                rescue.share(row.long_after, row.long_after_low, row.long_after_high),
-                f"{row.good * row.runs:.0f} of {row.runs}",
-                rescue.difference(row) if row.difference_high > row.difference_low else "",
-            )
-            for row in own.itertuples()
-        ]
-        headings = ("couplings", "before", "long after", "above .9", "difference to frozen")
-        print_table(console, f"Cosine of heading to the goal; breaks: {breaks} (95 % interval)", headings, rows, text=1)
-
-
-def flock_in_short(path: Path) -> str:
-    """How well the best coupling does, beside frozen ones."""
-    table = Run(path).table("flock.csv")
-    own = table[table.breaks == table.breaks.iloc[-1]].set_index("coupling").long_after.groupby(level=0).first()
-    return ", ".join(f"{name} {value:.2f}" for name, value in own.sort_values(ascending=False).head(3).items())
-
-
-def print_leaderboard(path: Path, console: Console) -> None:
-    """Print how well each method did."""
-    from epuckhebb.analysis import leaderboard as board  # brings statistics
-
-    methods = Run(path).table("leaderboard.csv")
-    for experiment, own in methods.groupby("experiment", sort=False):
-        rows = []
-        for row in own.itertuples():
-            success = rescue.share(row.success, row.success_low, row.success_high)
-            difference = "" if math.isnan(row.difference) else rescue.difference(row)
-            rows.append((row.method, row.kind, f"{row.solved} of {row.champions}", success, difference))
-        headings = [name for name in board.head(str(experiment)) if name != "knowledge"]
-        headings = [headings[k] for k in (0, 1, 2, 3, 6)]
-        print_table(console, f"{board.title(str(experiment))} (95 % interval)", headings, rows, text=2)
-
-
-def leaderboard_in_short(path: Path) -> str:
-    """The best method of each experiment."""
-    methods = Run(path).table("leaderboard.csv").sort_values("success", ascending=False, kind="stable")
-    best = methods.groupby("experiment").first()
-    return ", ".join(f"{row.Index}: {row.method} {row.success:.2f}" for row in best.itertuples())
-
-
-def print_sweep(folder: Path, console: Console) -> None:
-    """Print the success of each condition, or rescue and harm, and where the tables are."""
-    if Run(folder).has("rescue_over_all.csv"):
-        print_rescue(folder, console)
-    else:
-        print_summary(folder, console)
-    print_line(console, f"Tables: {folder}/: sweep.csv (every lifetime), summary.csv, failed.csv")
-
-
-def sweep_in_short(folder: Path) -> str:
-    """How many rows the summary has."""
-    return f"success of {len(Run(folder).table('summary.csv'))} conditions, controllers and sides"
-
-
-def print_rescue(folder: Path, console: Console) -> None:
-    """Print what each plasticity rescued and harmed."""
-    over_all = Run(folder).table("rescue_over_all.csv")
-    rows = [
-        (row.experiment, rescue.label(row.controller, row.N), *rescue.counts(row), rescue.in_training(row))
-        for row in over_all.itertuples()
-    ]
-    headings = ("experiment", "plasticity", rescue.RESCUED, rescue.HARMED, rescue.IN_TRAINING)
-    print_table(console, "Rescue and harm (95 % interval over champions)", headings, rows, text=2)
-    print_line(
-        console, f"Rescue and harm: {folder}/: report.md, rescue_over_all.csv, rescue_and_harm.csv, retention.csv"
-    )
-
-
-def print_summary(folder: Path, console: Console) -> None:
-    """Print the success of each condition and controller on both sides; over champions if there are several."""
-    if Run(folder).has("over_champions.csv"):
-        table = Run(folder).table("over_champions.csv").rename(columns={"champions": "n"})
-        _print_success(table, "mean over {} champions", " over champions", console)
-        print_line(console, f"Over champions: {folder}/over_champions.csv; each champion: {folder}/summary.csv")
-    else:
-        ends = {f"success_noise_{end}": f"success_{end}" for end in ("low", "high")}
-        table = Run(folder).table("summary.csv").rename(columns=ends)
-        _print_success(table, "{} lifetimes each", ": noise only, this champion", console)
-        print_line(console, f"Means of all else: {folder}/summary.csv")
-    if Run(folder).has("figures/dose_response.png"):
-        print_line(console, f"Success and weight change against N: {folder}/figures/dose_response.png")
-
-
-def _print_success(summary: "pd.DataFrame", of: str, interval_is: str, console: Console) -> None:
-    """Print a row for each condition and controller, named by what differs between them.
-
-    summary: up to `n`, columns that tell conditions apart. of: what the n counts. interval_is: what it is about.
+    metrics: the lifetimes of an evaluation; read unless given.
     """
-    conditions = list(summary.columns[: summary.columns.get_loc("n")])
-    of_plasticity = summary[summary.controller != GA] if (summary.controller != GA).any() else summary
-    differ = [name for name in conditions if name == "controller" or of_plasticity[name].nunique() > 1]
-    apart = ("controller", "side")  # two controllers may have the same of all else
-    alike = {tuple(of_plasticity[name].factorize()[0]): name for name in differ if name not in apart}
-    shown = [*alike.values(), "controller"]  # of columns that tell the same, the last: a genome is known by its name
-    same = summary.n.nunique() == 1
-    rewarded = "rewarded_share" in summary and summary.rewarded_share.notna().all()
-    rows: dict[tuple[str, ...], dict[str, str]] = {}
-    for row in summary.to_dict("records"):
-        place = tuple(_cell(row[name]) for name in shown)
-        value = f"{row['success']:.2f} ({row['success_low']:.2f}–{row['success_high']:.2f})"
-        if rewarded:
-            ends = [row[name] for name in ("rewarded_share_low", "rewarded_share_high") if name in row]
-            value = f"{row['rewarded_share']:.3f}" + (" ({:.3f}–{:.3f})".format(*ends) if ends else "")
-        rows.setdefault(place, {})[row["side"]] = value + ("" if same else f" of {row['n']}")
-    if rows:
-        each = [of.format(summary.n.iloc[0])] if same else []
-        has_interval = not rewarded or "rewarded_share_low" in summary
-        facts = "; ".join([*each, *([f"95 % interval{interval_is}"] if has_interval else [])])
-        title = "Rewarded share, by the end that is rewarded first" if rewarded else "Success"
-        headings = (*shown, *(side if rewarded else f"success, {side}" for side in SIDES))
-        cells = ((*place, *(found.get(side, "") for side in SIDES)) for place, found in rows.items())
-        print_table(console, f"{title} ({facts})" if facts else title, headings, cells, text=len(shown))
+    run = Run(path)
+    file = next((file for file in _RESULTS if run.has(file)), None)
+    if (study := study_in(path)) is not None:
+        if run.has(study.result):
+            _print_study(study, path, console)
+    elif metrics is not None and file == "metrics.csv":
+        print_evaluation(path, console, metrics)
+    elif file:
+        _RESULTS[file][0](path, console)
+    if run.has("report.html"):
+        print_line(console, f"Report: {path}/report.html")
+
+
+def print_multirun(path: Path, console: Console) -> None:
+    """Print the tables over all runs of a multirun of `evaluate`."""
+    from epuckhebb.studies.sweep import Sweep  # studies take a while to load
+
+    _print_study(Sweep, path, console)
+
+
+def _print_study(study: "type[Study]", path: Path, console: Console) -> None:
+    run = Run(path)
+    print_tables(study.shown(run), console)
+    _print_notes_on_genome(run, console)
+    for what, files in (("Tables", sorted(path.glob("*.csv"))), ("Figures", sorted(path.glob("figures/*.png")))):
+        if files:
+            print_line(console, f"{what}: {files[0].parent}/: {', '.join(file.name for file in files)}")
+
+
+def in_short(path: Path) -> str:
+    """The result of a finished run or study in a few words."""
+    if (study := study_in(path)) is not None:
+        return study.in_short(Run(path))
+    return next(short for file, (_, short) in _RESULTS.items() if Run(path).has(file))(path)
+
+
+def study_in(path: Path) -> "type[Study] | None":
+    """The class of the study of a folder; None if it is the folder of something else."""
+    if not Run(path).has("sweep.json"):
+        return None
+    from epuckhebb.studies.study import study_in as study_of  # studies take a while to load
+
+    return study_of(Run(path))
+
+
+def print_tables(tables: Iterable[Table], console: Console) -> None:
+    """Print tables as the terminal shows them."""
+    for table in tables:
+        rows = [[unmarked(cell) for cell in row] for row in table.rows]
+        print_table(console, table.title, list(map(unmarked, table.headings)), rows, text=table.text)
+
+
+def _print_notes_on_genome(run: Run, console: Console) -> None:
+    """Print what a reader of a table over many worlds must know of its one genome."""
+    summary = run.table("summary.csv") if run.has("summary.csv") else {}
     names = set(summary.get("genome", []))
     if len(names) == 1 and is_bundled(name := str(names.pop())):
         from epuckhebb.runs import showcase  # runs take a while to load, and most of what is shown has no such note
@@ -278,32 +203,3 @@ def _print_success(summary: "pd.DataFrame", of: str, interval_is: str, console: 
         notes = {showcase(load_genome(name, experiment)) for experiment in EXPERIMENTS} - {""}
         for note in sorted(notes):
             console.print(Text(note))
-
-
-def _cell(value: Any) -> str:
-    return str(value) if not isinstance(value, float) else "" if math.isnan(value) else f"{value:g}"
-
-
-KINDS = {  # file of results -> what prints all of them, and what says them in short
-    "claims.csv": (print_reproduction, reproduction_in_short),
-    "flock.csv": (print_flock, flock_in_short),
-    "leaderboard.csv": (print_leaderboard, leaderboard_in_short),
-    "summary.csv": (print_sweep, sweep_in_short),
-    "reversal.csv": (print_reversal, reversal_in_short),  # it has metrics.csv, too
-    "metrics.csv": (print_evaluation, evaluation_in_short),
-    "history.csv": (print_evolution, evolution_in_short),
-}
-
-
-def print_results(path: Path, console: Console, metrics: Rows | None = None) -> None:
-    """Print the results of a run; nothing of a study that has not written its tables yet.
-
-    metrics: the lifetimes of an evaluation; read unless given.
-    """
-    kind = next((file for file in KINDS if Run(path).has(file)), None)
-    if kind == "metrics.csv":
-        print_evaluation(path, console, metrics)
-    elif kind:
-        KINDS[kind][0](path, console)
-    if Run(path).has("report.html"):
-        print_line(console, f"Report: {path}/report.html")

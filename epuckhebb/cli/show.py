@@ -55,9 +55,7 @@ def _print_multirun(finished: list[Path], console: Console, *, each: bool) -> No
         _print_in_short(console, f"{path.name}  {' '.join(Run(path).provenance['overrides'])}", _in_short(path))
     folder = finished[0].parent
     if Run(folder).has("summary.csv"):
-        results.print_summary(folder, console)
-    if Run(folder).has("rescue_over_all.csv"):
-        results.print_rescue(folder, console)
+        results.print_multirun(folder, console)
     print_line(console, f"Run folders: {folder}/{finished[0].name} to {folder}/{finished[-1].name}")
 
 
@@ -138,7 +136,7 @@ def _in_short(path: Path) -> str:
     status = Run(path).status
     if status["state"] != "finished":
         return ": ".join(filter(None, (status["state"], status.get("error", ""))))
-    return next(in_short for file, (_, in_short) in results.KINDS.items() if Run(path).has(file))(path)
+    return results.in_short(path)
 
 
 def _print_run(path: Path, console: Console) -> None:

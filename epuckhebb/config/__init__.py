@@ -16,8 +16,6 @@ from epuckhebb.config.build import (
 )
 from epuckhebb.config.compose import combinations, configurations, load, swept_values
 from epuckhebb.config.errors import explain
-from epuckhebb.config.flock import Row, shorter
-from epuckhebb.config.methods import ALL, REVERSAL_TASK, Method, methods_named, typed_as
 from epuckhebb.config.overrides import (
     SWEEP_DIR,
     alternatives,
@@ -25,12 +23,21 @@ from epuckhebb.config.overrides import (
     check_words,
     overrides_of,
     quoted,
+    typed_as,
     value_of,
     value_text,
+    values_of,
     with_names_compared,
 )
-from epuckhebb.config.parts import KINDS, part_from, part_names
-from epuckhebb.config.plugins import OWN_CODE, OwnFile, own_files, own_references, own_sources
+from epuckhebb.config.parts import KINDS, part_class, part_from, part_names
+from epuckhebb.config.plugins import (
+    OWN_CODE,
+    OwnFile,
+    class_named,
+    own_files,
+    own_references,
+    own_sources,
+)
 from epuckhebb.config.resolve import brings_physics, training_world, usual_physics, world_name
 from epuckhebb.config.schema import (
     SCHEMAS,
@@ -38,13 +45,12 @@ from epuckhebb.config.schema import (
     Config,
     EvaluateConfig,
     EvolveConfig,
-    FlockConfig,
-    LeaderboardConfig,
     Plain,
-    ReproduceConfig,
     dump,
+    register,
     say_unusual,
     typed,
 )
 from epuckhebb.config.stored import from_values, without_own_code
+from epuckhebb.config.values import part_settings
 from epuckhebb.config.yaml_file import load as settings

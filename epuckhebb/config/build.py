@@ -5,9 +5,7 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any
 
-from epuckhebb.adaptation.adaptation import Adaptation, compares_fitness
-from epuckhebb.adaptation.controller import CONTROLS, GA, HEBBIAN, Controller
-from epuckhebb.adaptation.gate import Stay
+from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.config import hand
 from epuckhebb.config.parts import GENETIC, NONE, PAPER, Layers, part_from, part_names
 from epuckhebb.config.parts_from_yaml import maze_from, robot_from
@@ -16,11 +14,12 @@ from epuckhebb.controller.network import HIDDEN, Network
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.plasticity.rule import NO_RULE, NoRule, Reward, Rule, receives_reward
 from epuckhebb.controller.plasticity.rules.paper import Paper
-from epuckhebb.controller.wiring import LAYERS, Wiring
+from epuckhebb.controller.wiring import Wiring
 from epuckhebb.evolution.optimizer import Algorithm
 from epuckhebb.evolution.search import measures_of
 from epuckhebb.runtime import ConfigError
 from epuckhebb.tmaze.fitness import Signal, signal_number
+from epuckhebb.tmaze.individual import CONTROLS, GA, HEBBIAN, Controller
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.lifetime_kernel import check_inputs
 from epuckhebb.tmaze.maze import SIDES, Maze, Place, Pose, Side
@@ -249,11 +248,6 @@ def check_signal(controller: Controller, world: Scenario) -> None:
             f"hebbian.signal=fitness needs a fitness with a method `step`, and fitness {world.fitness.name} has none; "
             "give fitness.function=FILE.py:NAME, or another signal"
         )
-    if compares_fitness(controller.adaptation.change_signal):
-        raise ValueError(
-            f"hebbian.signal=fitness does not go with adaptation={controller.adaptation.name}, which needs the nominal "
-            "statistics of the paper's live fitness; give another signal, or another adaptation"
-        )
 
 
 def check_task(controller: Controller, task: Task) -> None:
@@ -266,25 +260,4 @@ def check_task(controller: Controller, task: Task) -> None:
     if controller.rule.reward is not Reward.given and not task.gives_reward:
         raise ValueError(
             f"hebbian.reward={controller.rule.reward.name} does nothing with task={task.name}, which gives no reward"
-        )
-
-
-def check_stay(controller: Controller, lifetime: Lifetime) -> None:
-    """Refuse learning without a rule, and a start after the end."""
-    adaptation = controller.adaptation
-    if adaptation.stay is Stay.learn and isinstance(controller.rule, NoRule):
-        raise ValueError("adaptation.stay=learn needs a plasticity rule: give hebbian=stay, or adaptation.stay=halt")
-    if lifetime.duration_s <= adaptation.start_by_s < math.inf:
-        raise ValueError(
-            f"adaptation.start_by_s must be less than lifetime.duration_s = {lifetime.duration_s:g}, or inf for never, "
-            f"got {adaptation.start_by_s:g}"
-        )
-
-
-def check_homeostasis(adaptation: Adaptation, shape: Shape) -> None:
-    """Refuse homeostasis for a network that has no first layer, whose weights from the light sensors it scales."""
-    if adaptation.homeostasis and isinstance(shape, Wiring):
-        raise ValueError(
-            f"adaptation={adaptation.name} scales the weights between the light sensors and the first layer, and "
-            f"network.wiring={shape.name} has no layers; give another adaptation, or network.wiring={LAYERS}"
         )

@@ -87,6 +87,11 @@ def keys_below(node: Mapping[Any, Any], prefix: str = "") -> Iterator[str]:
             yield from keys_below(value, f"{prefix}{key}.")
 
 
+def values_of(words: Iterable[str]) -> dict[str, Any]:
+    """The values of overrides by key, where each sets one key."""
+    return {word.key_or_group: word.value() for word in parsed(words)}
+
+
 def literal(text: str) -> str:
     """A text as a configuration has to be given it, so that a `${...}` in it, of a folder's name, means nothing."""
     return re.sub(r"(\\*)\$\{", lambda found: f"{2 * found[1]}\\${{", text)
@@ -197,3 +202,8 @@ def value_text(value: Any, key: str) -> str:
     if isinstance(value, list | tuple):
         return "[" + ",".join(value_text(inner, key) for inner in value) + "]"
     raise ConfigError(f"{key} must be text, a number, a list or settings, got {type(value).__name__}")
+
+
+def typed_as(settings: Mapping[str, Any]) -> list[str]:
+    """Settings as they would be typed."""
+    return [f"{key}={value_text(value, key)}" for key, value in settings.items()]

@@ -126,7 +126,7 @@ def load(file: Path, key: str) -> OwnFile:
     if path in _loaded and _loaded[path].is_unchanged:
         return _loaded[path]
     if path.suffix != ".py" or not path.is_file():
-        raise ConfigError(f"{key}: there is no Python file {file}")
+        raise ConfigError(f"{key}: there is no Python file, FILE.py, at {file}")
     own = OwnFile(path, "")
     try:
         own = OwnFile(path, OWN_PACKAGE + _sha256(str(path).encode() + path.read_bytes())[:16])

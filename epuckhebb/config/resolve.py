@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 from omegaconf import DictConfig, ListConfig, OmegaConf, flag_override
 from omegaconf.errors import OmegaConfBaseException
 
-from epuckhebb.adaptation.controller import HEBBIAN
 from epuckhebb.config import hand, yaml_file
 from epuckhebb.config.build import scenario_from
 from epuckhebb.config.catalogue import BROUGHT, NULL, by_hydra, changes
@@ -26,6 +25,7 @@ from epuckhebb.config.plugins import own_references
 from epuckhebb.config.schema import WorldConfig, plain
 from epuckhebb.controller.wiring import LAYERS
 from epuckhebb.runtime import ConfigError, conf, data_folder, path_of
+from epuckhebb.tmaze.individual import HEBBIAN
 from epuckhebb.tmaze.physics_engine import Physics
 from epuckhebb.tmaze.scenario import TRAINED, Scenario
 

@@ -6,7 +6,6 @@ that a user can bring (a rule, a maze, a robot) are open here, and checked when 
 """
 
 import functools
-import math
 from dataclasses import MISSING, Field, dataclass, field, fields, make_dataclass
 from enum import Enum
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
@@ -15,16 +14,14 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.adaptation.adaptation import Adaptation
-from epuckhebb.adaptation.controller import GA_ALONE
 from epuckhebb.config import build
 from epuckhebb.config.errors import explain
-from epuckhebb.config.flock import FlockKeys, check
-from epuckhebb.controller.wiring import LAYERS
+from epuckhebb.controller.wiring import LAYERS, Wiring
 from epuckhebb.evolution.evolve import evolved_plan
 from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.evolution.training import Training
 from epuckhebb.runtime import ConfigError, say_once
-from epuckhebb.tmaze.fitness import Signal
+from epuckhebb.tmaze.individual import GA_ALONE
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
@@ -35,6 +32,7 @@ _BRIGHTEST, _FASTEST = 2.0, 0.1  # more light, or a higher base rate, is unusual
 
 
 Plain = dict[str, Any]  # a configuration of plain values
+Config = TypeVar("Config", bound="Checked")
 
 
 class Checked:
@@ -165,8 +163,8 @@ class EvaluateConfig(WorldConfig):
         for controller in self.controllers:
             build.check_signal(controller, self.world)
             build.check_task(controller, self.world.task)
-            build.check_stay(controller, self.lifetime)
-            build.check_homeostasis(controller.adaptation, self.shape)
+            wiring = self.shape if isinstance(self.shape, Wiring) else None
+            controller.adaptation.check(controller.rule, self.lifetime.duration_s, wiring)
 
 
 @dataclass(kw_only=True)
@@ -220,82 +218,15 @@ def say_unusual(config: EvaluateConfig | EvolveConfig) -> None:
             )
 
 
-class LiveFitness(Enum):
-    """Which live fitness a reproduction uses: as the paper says, or as each of its two programs does."""
-
-    paper = "paper"
-    as_coded = "as_coded"
-
-    def of(self, experiment: str) -> Signal:
-        """The signal of an experiment."""
-        if self is LiveFitness.paper:
-            return Signal.behaviour
-        return Signal.light_code if experiment == "light" else Signal.lifetime_mean
+SCHEMAS: dict[str, Any] = {schema.command: schema for schema in (EvaluateConfig, EvolveConfig)}
 
 
-@dataclass(kw_only=True)
-class ReproduceConfig(Checked):
-    """All keys of `epuckhebb reproduce`."""
-
-    command: ClassVar[str] = "reproduce"
-    champions: int = 20
-    first_seed: int = 1
-    seed: int = 1
-    repeats: int = 10
-    rates: list[float] = field(default_factory=list)
-    signal: LiveFitness = LiveFitness.paper
-    genome: str | None = None
-    threads: int = 0
-    ga: GA = field(default_factory=GA)
-    physics: dict[str, Any] = field(default_factory=lambda: {"kind": PYMUNK.name})
-
-    def __post_init__(self) -> None:
-        """Validate the settings."""
-        build.check_counts(vars(self))
-        for rate in self.rates:
-            if not (math.isfinite(rate) and rate > 0):
-                raise ValueError(f"rates must be numbers above 0 (0 is always run, as the GA alone), got {rate}")
+def register(schema: type[Config]) -> type[Config]:
+    """Take the schema of a command that is declared above this package: that of a study."""
+    SCHEMAS[schema.command] = schema
+    return schema
 
 
-@dataclass(kw_only=True)
-class LeaderboardConfig(Checked):
-    """All keys of `epuckhebb leaderboard`."""
-
-    command: ClassVar[str] = "leaderboard"
-    methods: list[str] = field(default_factory=list)
-    tests: list[str] = field(default_factory=list)
-    champions: int = 12
-    first_seed: int = 201
-    seed: int = 1
-    repeats: int = 3
-    reversal_repeats: int = 100
-
-    def __post_init__(self) -> None:
-        """Validate the settings."""
-        build.check_counts(vars(self))
-        if not self.tests:
-            raise ValueError(
-                "tests must name one sweep of conf/experiment/ or more, in whose worlds champions are tested"
-            )
-
-
-@dataclass(kw_only=True)
-class FlockConfig(Checked):
-    """All keys of `epuckhebb flock`. rows, cells: see `epuckhebb.config.flock.check`."""
-
-    command: ClassVar[str] = "flock"
-    seed: int = 1100
-    repeats: int = 20
-    threads: int = 0
-    flock: FlockKeys = field(default_factory=FlockKeys)
-
-    def __post_init__(self) -> None:
-        """Validate the settings."""
-        self.rows, self.cells = check(self.flock, self.seed, self.repeats, self.threads)
-
-
-_ALL: tuple[Any, ...] = (EvaluateConfig, EvolveConfig, ReproduceConfig, LeaderboardConfig, FlockConfig)
-SCHEMAS = {schema.command: schema for schema in _ALL}
 # Below these, the schema does not know the keys.
 _GROUPS = ("hebbian", "compare", "change", "maze", "robot", "network", "optimizer", "task", "fitness", "physics")
 OPEN = (*_GROUPS, "scenario.goals", "flock.own")
@@ -307,14 +238,11 @@ def structured(command: str) -> DictConfig:
     for key in ("hebbian", "compare", "change", "network", "optimizer", "task", "fitness", "physics"):
         if key in node:
             OmegaConf.set_struct(node[key], False)  # Hydra takes any key below them, without a +
-    if command == FlockConfig.command:
+    if command == "flock":
         OmegaConf.set_struct(node.flock.own, False)
     if command == EvolveConfig.command:
         node.ga = None  # until group ga is chosen, which other optimizers than the GA undo
     return node
-
-
-Config = TypeVar("Config", EvaluateConfig, EvolveConfig, ReproduceConfig, LeaderboardConfig, FlockConfig)
 
 
 def typed(cfg: DictConfig, schema: type[Config]) -> Config:

@@ -3,7 +3,7 @@
 import copy
 import functools
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -31,7 +31,8 @@ _STAND_INS = {
 def from_values(values: Plain, schema: type[Config], source: str) -> Config:
     """The configuration of plain values, all names among them. source: where they come from, for messages."""
     try:
-        cfg = as_config(values, schema.command)
+        cfg = OmegaConf.merge(_keys_of(cast(Any, schema)), _literally(values))
+        assert isinstance(cfg, DictConfig)
     except Exception as error:  # what damaged settings may raise has no end
         reason = explain(error) if isinstance(error, OmegaConfBaseException) else error
         raise ConfigError(f"{source} cannot be used: {reason}") from error
@@ -40,26 +41,27 @@ def from_values(values: Plain, schema: type[Config], source: str) -> Config:
 
 def as_config(held: Mapping[Any, Any], command: str) -> DictConfig:
     """The configuration of a command that these plain values are, all names among them; no text refers to another."""
-    cfg = OmegaConf.merge(_keys_of(command), _literally(dict(held)))
+    cfg = OmegaConf.merge(_keys_of(SCHEMAS[command]), _literally(dict(held)))
     assert isinstance(cfg, DictConfig)
     return cfg
 
 
 def value_as_declared(key: str, value: Any, command: str) -> Any:
     """A value of a key of a command, of the type that the schema declares: `as_config` without a copy of all keys."""
-    if key not in _keys_of(command):  # is refused, with the same message
+    keys = _keys_of(SCHEMAS[command])
+    if key not in keys:  # is refused, with the same message
         return as_config({key: value}, command)[key]
-    alone = DictConfig({key: _keys_of(command)._get_node(key)})  # a copy of it, with its type
+    alone = DictConfig({key: keys._get_node(key)})  # a copy of it, with its type
     alone.merge_with({key: _literally(value)})
     return alone[key]
 
 
 @functools.cache
-def _keys_of(command: str) -> DictConfig:
+def _keys_of(schema: Any) -> DictConfig:
     """The keys of a command with their types, made once: every job of a sweep has them."""
-    schema = OmegaConf.structured(SCHEMAS[command])
-    assert isinstance(schema, DictConfig)
-    return schema
+    keys = OmegaConf.structured(schema)
+    assert isinstance(keys, DictConfig)
+    return keys
 
 
 def _literally(value: Any) -> Any:

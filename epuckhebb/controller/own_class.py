@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.controller.compiling.kernel import compiled, in_module
+from epuckhebb.controller.ranges import check
 
 _OURS = Path(__file__).parents[1]
 namedtuple_of: Any = namedtuple  # mypy wants the names of the fields written out
@@ -29,6 +30,9 @@ class OwnClass:
     PART: ClassVar[str]
     KEY: ClassVar[str]
     METHODS: ClassVar[tuple[str, ...]] = ()
+
+    def __post_init__(self) -> None:
+        check(self, self.KEY.rpartition(".")[0])
 
     @property
     def name(self) -> str:

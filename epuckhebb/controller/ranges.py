@@ -32,6 +32,8 @@ class Range:
 
     def __str__(self) -> str:
         """What a value must do, after `must`."""
+        if self.low == -math.inf:
+            return "be a finite number"
         if self.high == math.inf:
             return f"be more than {self.low:g}" if self.above else f"be {self.low:g} or more"
         return f"lie in {'(' if self.above else '['}{self.low:g}, {self.high:g}{')' if self.below else ']'}"
@@ -40,28 +42,27 @@ class Range:
 def within(
     low: float, high: float = math.inf, *, above: bool = False, below: bool = False, default: Any = MISSING
 ) -> Any:
-    """A field of a dataclass whose values lie in a range, or are None, or lists of numbers that lie in it."""
-    return field(default=default, metadata={"range": Range(low, high, above, below)})
+    """A field of a dataclass whose values lie in a range, or are lists of numbers that lie in it."""
+    metadata = {"range": Range(low, high, above, below)}
+    if isinstance(default, list):
+        return field(default_factory=default.copy, metadata=metadata)
+    return field(default=default, metadata=metadata)
 
 
 def check(instance: Any, prefix: str) -> None:
-    """Check all fields of a dataclass that have a range; else a ValueError. prefix: of its keys."""
+    """Check all fields of a dataclass that have a range; else a ValueError. prefix: of its keys.
+
+    The default may lie outside, as inf for never.
+    """
     for one in fields(instance):
         value = getattr(instance, one.name)
-        if "range" in one.metadata and value is not None:
-            check_value(f"{prefix}.{one.name}", value, one.metadata["range"])
+        if "range" in one.metadata and value != one.default:
+            check_value(f"{prefix}.{one.name}", value, one.metadata["range"], one.default)
 
 
-def check_value(key: str, value: Any, allowed: Range) -> None:
-    """Check a number, or each number of a list; else a ValueError that names the key, the value and the range."""
+def check_value(key: str, value: Any, allowed: Range, default: Any = MISSING) -> None:
+    """Check a number, or each of a list; else a ValueError that names the key, what is allowed, and the value."""
     numbers = value if isinstance(value, list | tuple) else [value]
     if not all(number in allowed for number in numbers):
-        raise ValueError(f"{key} must {allowed}, got {value}")
-
-
-def check_range(
-    owner: object, group: str, *names: str, least: float = 0.0, most: float = math.inf, above: bool = False
-) -> None:
-    """Check that settings of a group of keys are finite numbers from `least` to `most`; above: more than `least`."""
-    for name in names:
-        check_value(f"{group}.{name}", getattr(owner, name), Range(least, most, above))
+        besides = f", or {default}" if isinstance(default, int | float) and default not in allowed else ""
+        raise ValueError(f"{key} must {allowed}{besides}, got {value}")

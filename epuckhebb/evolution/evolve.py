@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from epuckhebb.adaptation.controller import GA_ALONE, Controller
 from epuckhebb.controller import random
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.genome import GenomePlan, plan_of
@@ -25,11 +24,11 @@ from epuckhebb.evolution.optimizer import CANDIDATES, CONFIRM, Algorithm
 from epuckhebb.evolution.search import Results, Search
 from epuckhebb.evolution.training import UNVARIED, Training, World
 from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.maze import SIDES, Pose
 from epuckhebb.tmaze.outcome import Outcome
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.session import Individual
 
 if TYPE_CHECKING:
     import pandas as pd

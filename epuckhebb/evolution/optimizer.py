@@ -16,7 +16,7 @@ import numpy as np
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.genome import GenomePlan
 from epuckhebb.controller.own_class import OwnClass
-from epuckhebb.controller.ranges import check_range
+from epuckhebb.controller.ranges import within
 from epuckhebb.evolution.training import Training
 from epuckhebb.tmaze.life import Lifetime
 
@@ -101,20 +101,12 @@ class Optimizer(Algorithm):
     """
 
     common_random_numbers: ClassVar[bool] = True
-    least: ClassVar[dict[str, int]] = {"population": 1, "generations": 1, "loops": 1, "confirm": 1}
 
-    population: int = 30
-    generations: int | None = None
-    loops: int | None = None
-    gene_limit: float = 2.0
-    confirm: int = 12
-
-    def __post_init__(self) -> None:
-        for name, bound in self.least.items():
-            value = getattr(self, name)
-            if value is not None and value < bound:
-                raise ValueError(f"optimizer.{name} must be {bound} or more, got {value}")
-        check_range(self, "optimizer", "gene_limit", above=True)
+    population: int = within(1, default=30)
+    generations: int | None = within(1, default=None)
+    loops: int | None = within(1, default=None)
+    gene_limit: float = within(0, above=True, default=2.0)
+    confirm: int = within(1, default=12)
 
     @property
     def first_generation(self) -> int:
@@ -159,14 +151,9 @@ class EvolutionStrategy(Optimizer):
     of its part's start, 1 for weights. The candidates are the last mean and the two fittest of the last generation.
     """
 
-    least: ClassVar[dict[str, int]] = {**Optimizer.least, "population": 4, "starts": 2}
-
-    starts: int = 50
-    sigma: float = 0.5
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_range(self, "optimizer", "sigma", above=True)
+    population: int = within(4, default=30)
+    starts: int = within(2, default=50)
+    sigma: float = within(0, above=True, default=0.5)
 
     @property
     def first_generation(self) -> int:

@@ -6,14 +6,14 @@ drawn. Their light levels and weak wheels lie inside the drawn ranges, so these 
 """
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from epuckhebb.controller import random
 from epuckhebb.controller.random import Stream
-from epuckhebb.controller.ranges import check_range
+from epuckhebb.controller.ranges import check, within
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.maze import SIDES
 from epuckhebb.tmaze.scenario import Scenario
@@ -43,26 +43,24 @@ class Training:
     """
 
     name: str = ""
-    success_bonus: float = 0.0
-    gain_rad_s: list[float] | None = None
-    unvaried_loops: int = 1
-    start_noise: float = 0.0
-    light_share: float = 0.0
-    light: list[float] = field(default_factory=lambda: [0.05, 1.2])
-    obstacles_share: float = 0.0
-    layouts: list[int] = field(default_factory=lambda: [FIRST_LAYOUT, 59])
-    dead_sensor_share: float = 0.0
-    wheel_share: float = 0.0
-    wheel: list[float] = field(default_factory=lambda: [0.8, 1.0])
+    success_bonus: float = within(0, default=0.0)
+    gain_rad_s: list[float] | None = within(0.01, default=None)
+    unvaried_loops: int = within(0, default=1)
+    start_noise: float = within(0, default=0.0)
+    light_share: float = within(0, 1, default=0.0)
+    light: list[float] = within(0, default=[0.05, 1.2])
+    obstacles_share: float = within(0, 1, default=0.0)
+    layouts: list[int] = within(FIRST_LAYOUT, default=[FIRST_LAYOUT, 59])
+    dead_sensor_share: float = within(0, 1, default=0.0)
+    wheel_share: float = within(0, 1, default=0.0)
+    wheel: list[float] = within(0, 1, default=[0.8, 1.0])
 
     def __post_init__(self) -> None:
-        check_range(self, "training", "success_bonus", "start_noise", "unvaried_loops")
-        check_range(self, "training", *_SHARES, most=1)
-        if self.gain_rad_s is not None:
-            _check_range("gain_rad_s", self.gain_rad_s, 0.01, math.inf)
-        _check_range("light", self.light, 0.0, math.inf)
-        _check_range("wheel", self.wheel, 0.0, 1.0)
-        _check_range("layouts", self.layouts, FIRST_LAYOUT, math.inf)
+        check(self, "training")
+        for name in ("gain_rad_s", "light", "layouts", "wheel"):
+            pair = getattr(self, name)
+            if pair is not None and (len(pair) != 2 or pair[0] > pair[1]):
+                raise ValueError(f"training.{name} must be two numbers, the lesser first, got {list(pair)}")
 
     @property
     def is_varied(self) -> bool:
@@ -162,12 +160,6 @@ class Training:
 
 def _between(bounds: list[float], drawn: float) -> float:
     return bounds[0] + (bounds[1] - bounds[0]) * drawn
-
-
-def _check_range(name: str, given: list[float] | list[int], least: float, most: float) -> None:
-    if not (len(given) == 2 and all(map(math.isfinite, given)) and least <= given[0] <= given[1] <= most):
-        bound = f"{least:g} or more" if math.isinf(most) else f"from {least:g} to {most:g}"
-        raise ValueError(f"training.{name} must be two numbers, the lesser first, {bound}, got {list(given)}")
 
 
 UNVARIED = Training(name="unvaried")

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from epuckhebb.adaptation.controller import Controller
 from epuckhebb.config import EvaluateConfig, from_values, hand, load, settings, without_own_code
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.plasticity.rule import InitialWeights
@@ -19,6 +18,7 @@ from epuckhebb.controller.wiring import LAYERS
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Genome, Run, load_genome, resolve_run, write_atomic
 from epuckhebb.tmaze.fitness import initial_history
+from epuckhebb.tmaze.individual import Controller
 from epuckhebb.tmaze.robot import EPUCK
 from epuckhebb.tmaze.scenario import TRAINED
 

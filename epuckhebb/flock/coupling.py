@@ -11,7 +11,7 @@ import numpy as np
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.own_class import OwnClass, calling
-from epuckhebb.controller.ranges import check_range
+from epuckhebb.controller.ranges import within
 
 
 class CouplingError(ValueError):
@@ -46,12 +46,8 @@ class Coupling(OwnClass):
     KEY: ClassVar[str] = "flock.coupling"
     METHODS: ClassVar[tuple[str, ...]] = ("drive", "weights")
 
-    N: float = 0.3
-    decay: float = 0.03
-
-    def __post_init__(self) -> None:
-        check_range(self, "flock", "N")
-        check_range(self, "flock", "decay", most=1.0)
+    N: float = within(0, default=0.3)
+    decay: float = within(0, 1, default=0.03)
 
     def drive(self, now: Moment) -> Floats:
         """What moves each weight, (robots, robots); nothing here."""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import kernel
 from epuckhebb.controller.random import Stream, key, normal, rng
-from epuckhebb.controller.ranges import check_range
+from epuckhebb.controller.ranges import Range, check, check_value, within
 from epuckhebb.flock.coupling import Coupling, Moment, changed, shuffled, transfer_entropy
 from epuckhebb.tmaze.maze import Pose
 from epuckhebb.tmaze.physics.pymunk import MOTION, Handles, PymunkSpace, mover_of_all
@@ -32,7 +32,6 @@ SPEED = 2.5  # rad/s of the wheels, straight ahead
 TURN = 3.0  # rad/s of the wheels per rad of error, and at most
 SPRING_M, SPRING = 0.18, 0.7  # the distance that robots keep, and how strongly
 GOAL = 0.15  # how strongly the goal draws a robot that knows it
-_MOST = 100  # robots
 BREAKS = ("none", "stranger", "knower")
 
 
@@ -46,21 +45,20 @@ class Flock:
     others [m]. spacing_m: between neighbours at the start. duration_s: of the run.
     """
 
-    robots: int = 10
+    robots: int = within(2, 100, default=10)
     knowers: int = 2
     breaks: str = "none"
     at_s: float = 1200.0
-    loudness: float = 2.5
-    noise: float = 0.3
-    range_m: float = 2.0
-    spacing_m: float = 0.16
-    duration_s: float = 2400.0
+    loudness: float = within(0, 100, default=2.5)
+    noise: float = within(0, 100, default=0.3)
+    range_m: float = within(2 * EPUCK.radius_m, 100, default=2.0)  # nearer robots would overlap
+    spacing_m: float = within(2 * EPUCK.radius_m, 100, default=0.16)
+    duration_s: float = within(2 * CHANGE_S, 1e6, default=2400.0)
 
     def __post_init__(self) -> None:
-        if not 2 <= self.robots <= _MOST:
-            raise ValueError(f"flock.robots must be 2 to {_MOST}, got {self.robots}")
-        if not 1 <= self.knowers <= self.robots:
-            raise ValueError(f"flock.knowers must be 1 to flock.robots={self.robots}, got {self.knowers}")
+        check(self, "flock")
+        check_value("flock.knowers", self.knowers, Range(1, self.robots))
+        check_value("flock.at_s", self.at_s, Range(CHANGE_S, self.duration_s - CHANGE_S))
         if self.breaks not in BREAKS:
             raise ValueError(f"flock.breaks must be one of {', '.join(BREAKS)}, got {self.breaks!r}")
         if self.breaks == "stranger" and self.knowers == self.robots:
@@ -68,11 +66,6 @@ class Flock:
                 f"flock.breaks=stranger needs a robot that does not know the way, and flock.knowers={self.knowers} of "
                 f"flock.robots={self.robots} know it"
             )
-        check_range(self, "flock", "duration_s", least=2 * CHANGE_S, most=1e6)
-        check_range(self, "flock", "at_s", least=CHANGE_S, most=self.duration_s - CHANGE_S)
-        check_range(self, "flock", "loudness", "noise", most=100.0)
-        for name in ("range_m", "spacing_m"):  # nearer robots would overlap
-            check_range(self, "flock", name, least=2 * EPUCK.radius_m, most=100.0)
 
     @property
     def places(self) -> list[Pose]:

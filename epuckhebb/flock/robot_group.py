@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from epuckhebb.controller.arrays import Floats
+from epuckhebb.tmaze.individual import Individual
 from epuckhebb.tmaze.life import Group, Lifetime, life_of
 from epuckhebb.tmaze.lifetime import live_group
 from epuckhebb.tmaze.maze import Pose
@@ -20,7 +20,7 @@ from epuckhebb.tmaze.outcome import Outcome
 from epuckhebb.tmaze.physics.pymunk import MOTION, PYMUNK, PymunkSpace
 from epuckhebb.tmaze.reachable import gap
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.session import Individual, Session
+from epuckhebb.tmaze.session import Session
 from epuckhebb.tmaze.simulator import Simulator
 
 _SHARED = ("side", "controller", "network")  # of an individual: one lamp, one kernel and one rate for all
@@ -43,7 +43,17 @@ class RobotGroup:
         self._live = simulator.kernel(live_group, first.controller, first.network, simulator.more_faults)
         self._space = PymunkSpace(world.boxes, world.robot, world.wall_friction, count)
         starts = [world.maze.start if one.start is None else one.start for one in individuals]
-        _check_starts(starts, world.robot.radius_m, world.boxes, world.maze.arena_m)
+        walls, radius, arena = world.boxes, world.robot.radius_m, world.maze.arena_m
+        for number, (x, y, _) in enumerate(starts):
+            if not max(abs(x), abs(y)) < arena or gap(x, y, walls) < radius:
+                raise ValueError(f"robot {number} of {len(starts)} does not fit the maze at its start, {x:g}, {y:g}")
+        for (one, start), (other, place) in combinations(enumerate(starts), 2):
+            apart = math.dist(start[:2], place[:2])
+            if apart < 2 * radius:
+                raise ValueError(
+                    f"robots {one} and {other} overlap at the start: their centres are {apart:g} m apart, and must be "
+                    f"{2 * radius:g} m apart or more"
+                )
         self._space.place_robot(*starts)
         self._group = Group(
             records=_stacked([session.life for session in self._sessions]),
@@ -78,20 +88,6 @@ class RobotGroup:
     def outcomes(self) -> list[Outcome]:
         """The metrics of each lifetime so far, of one step or more."""
         return [session.outcome(pose) for session, pose in zip(self._sessions, self.poses, strict=True)]
-
-
-def _check_starts(starts: Sequence[Pose], radius: float, walls: Floats, arena: float) -> None:
-    """Check that robots of this radius [m] have room. walls: (boxes, 4) edges [m]. arena: its half side [m]."""
-    for number, (x, y, _) in enumerate(starts):
-        if not max(abs(x), abs(y)) < arena or gap(x, y, walls) < radius:
-            raise ValueError(f"robot {number} of {len(starts)} does not fit the maze at its start, {x:g}, {y:g}")
-    for (one, start), (other, place) in combinations(enumerate(starts), 2):
-        apart = math.dist(start[:2], place[:2])
-        if apart < 2 * radius:
-            raise ValueError(
-                f"robots {one} and {other} overlap at the start: their centres are {apart:g} m apart, and must be "
-                f"{2 * radius:g} m apart or more"
-            )
 
 
 def _check(individuals: Sequence[Individual], world: Scenario) -> None:

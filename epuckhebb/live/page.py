@@ -135,7 +135,10 @@ class View:
         """Frames of what is new, or that nothing is after so long [s]; nothing at all when the world has ended."""
         engine = self._engine
         with engine.news:
-            engine.news.wait_for(self._is_behind, patience_s)
+            seen = self._life, self._version, self._sent
+            engine.news.wait_for(
+                lambda: engine.has_ended or (engine.life, engine.version, engine.world.steps) != seen, patience_s
+            )
             if engine.has_ended:
                 return b""
             news: dict[str, Any] = {}
@@ -152,9 +155,3 @@ class View:
                 content, self._sent = samples(engine.world, self._sent)
                 frames.append(frame(SAMPLES, content))
         return b"".join(frames) or frame(NOTHING, b"")
-
-    def _is_behind(self) -> bool:
-        engine = self._engine
-        if engine.has_ended:
-            return True
-        return (engine.life, engine.version, engine.world.steps) != (self._life, self._version, self._sent)

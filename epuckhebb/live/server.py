@@ -169,14 +169,24 @@ class Play:
 
     def __init__(self, words: Sequence[str], side: Side, config_dir: str | None = None, port: int = PORT) -> None:
         def make(wanted: dict[str, Any]) -> LiveWorld:
-            given: dict[str, Any] = dict(wanted)
-            on: Side = "right" if given.pop("side", side) == "right" else "left"
-            kept = [word for word in words if word.partition("=")[0].partition(".")[0] not in given]
-            return LiveWorld([*kept, *(f"{key}={quoted(str(value))}" for key, value in given.items())], on, config_dir)
+            changed = {key: value for key, value in wanted.items() if key != "side"}
+            kept = [word for word in words if word.partition("=")[0].partition(".")[0] not in changed]
+            new = [f"{key}={quoted(str(value))}" for key, value in changed.items()]
+            return LiveWorld([*kept, *new], "right" if wanted.get("side", side) == "right" else "left", config_dir)
 
-        self.engine = Engine(make)
-        self.server = _listening(self.engine, port)
-        self.address = self.server.address
+        if not 0 <= port <= 65535 - _PORTS:
+            raise ConfigError(f"--port must lie between 0 (any that is free) and {65535 - _PORTS}, got {port}")
+        self.engine, server = Engine(make), None
+        for tried in range(port, port + _PORTS):
+            try:
+                server = Server(self.engine, tried)
+                break
+            except OSError as error:
+                if error.errno not in (errno.EADDRINUSE, errno.EACCES):
+                    raise
+        if server is None:
+            raise ConfigError(f"--port={port}: this port and the {_PORTS - 1} after it are taken; give another")
+        self.server, self.address = server, server.address
 
     def __enter__(self) -> "Play":
         """Begin to serve."""
@@ -204,16 +214,3 @@ def open_page(address: str) -> bool:
     """
     has_display = not sys.platform.startswith("linux") or "DISPLAY" in os.environ or "WAYLAND_DISPLAY" in os.environ
     return has_display and "SSH_CONNECTION" not in os.environ and webbrowser.open(address)
-
-
-def _listening(engine: Engine, port: int) -> Server:
-    """A server at a port, or at the next that is free."""
-    if not 0 <= port <= 65535 - _PORTS:
-        raise ConfigError(f"--port must lie between 0 (any that is free) and {65535 - _PORTS}, got {port}")
-    for tried in range(port, port + _PORTS):
-        try:
-            return Server(engine, tried)
-        except OSError as error:
-            if error.errno not in (errno.EADDRINUSE, errno.EACCES):
-                raise
-    raise ConfigError(f"--port={port}: this port and the {_PORTS - 1} after it are taken; give another")

@@ -10,13 +10,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from epuckhebb.adaptation.controller import GA_ALONE
 from epuckhebb.analysis.evaluate import individuals_for
 from epuckhebb.config import EvaluateConfig, hand, load, quoted, say_unusual
 from epuckhebb.runs import compile_for, evaluate_into, hydra, prepare_evaluation
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Run, write_atomic
 from epuckhebb.tmaze.changes import step_of
+from epuckhebb.tmaze.individual import GA_ALONE
 from epuckhebb.tmaze.maze import Side, added
 from epuckhebb.tmaze.outcome import Outcome
 from epuckhebb.tmaze.reachable import gap

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from epuckhebb.adaptation.controller import GA_ALONE, Controller
 from epuckhebb.adaptation.nominal import REPEATS, Nominal, measure_nominal
 from epuckhebb.analysis import tables
 from epuckhebb.analysis.evaluate import Rows, Traces, evaluate
@@ -41,12 +40,12 @@ from epuckhebb.runtime import ConfigError, JobFailedError, data_folder, say, say
 from epuckhebb.store import Genome, RunFolder, check_wiring, digest, load_genome, traces_file
 from epuckhebb.tmaze.batch import load_kernel
 from epuckhebb.tmaze.goal_signal import GoalSignal
+from epuckhebb.tmaze.individual import GA_ALONE, Controller
 from epuckhebb.tmaze.own_sensor import reading_names
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.robot import EPUCK, Robot
 from epuckhebb.tmaze.scenario import TRAINED, Scenario
 from epuckhebb.tmaze.session import LostRobotError
-from epuckhebb.tmaze.tasks.reversal import Reversal
 from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
 
 if TYPE_CHECKING:
@@ -91,7 +90,7 @@ class PreparedEvaluation:
         """
         config, genome = self.config, self.genome
         adaptations = [controller.adaptation for controller in config.controllers]
-        if not any(one.needs_nominal for one in adaptations):
+        if not any(one.acts for one in adaptations):
             return None
         experiment, known = config.world.experiment, genome.nominal
         if known is not None and known.experiment != experiment:
@@ -113,7 +112,7 @@ class PreparedEvaluation:
         if key not in _measured:
             _measured[key] = measure_nominal(genome.network_genes, world, gain, threads, genome.network)
         nominal = _measured[key]
-        if "late" in {one.change_signal for one in adaptations} and np.isnan(nominal.time_to_goal_s).all():
+        if any(one.needs_arrival for one in adaptations) and np.isnan(nominal.time_to_goal_s).all():
             raise ConfigError(
                 f"adaptation.change_signal=late needs a time to the goal to remember, and genome={genome.name} reached "
                 f"neither goal in {nominal.scenario}; give a champion that does, or change_signal=novelty or shortfall"
@@ -295,8 +294,8 @@ def evaluate_into(
             run.write(hand.NAME, hand.content(config.scenario.hand))
         metrics, traces = prepared.run(nominal, threads)
         recorded, figures = bool(config.lifetime.record_every), dict[str, tuple[Any, ...]]()
-        if isinstance(config.world.task, Reversal):
-            figures["reversal"] = config, genome.name, *_write_reversal(run, config, config.world.task, metrics, traces)
+        if config.world.task.has_trials:
+            figures["reversal"] = config, genome.name, *_write_trials(run, config, metrics, traces)
         else:
             run.write("metrics.csv", metrics)
             table, below = tables.paper_table(metrics), [*map(tables.plain, notes), tables.saturation(metrics)]
@@ -326,20 +325,20 @@ def evaluate_into(
             raise JobFailedError(f"{left_behind()}: {type(error).__name__}: {error}") from error
 
 
-def _write_reversal(
-    run: RunFolder, config: EvaluateConfig, task: Reversal, rows: Rows, traces: Traces
+def _write_trials(
+    run: RunFolder, config: EvaluateConfig, rows: Rows, traces: Traces
 ) -> "tuple[pd.DataFrame, pd.DataFrame]":
-    """Write the tables of reversal learning. Returns the rewarded shares, and every trial."""
+    """Write the tables of lifetimes of many trials. Returns the rewarded shares, and every trial."""
     import pandas as pd
 
     from epuckhebb.analysis import reversal
 
     metrics, trials = pd.DataFrame(rows), pd.DataFrame(traces.trials)
-    shares = reversal.table(metrics, trials, task, config.seed)
+    shares = reversal.table(metrics, trials, config.world.task, config.seed)
     run.write("metrics.csv", metrics)
     run.write("reversal_trials.csv", trials)
     run.write("reversal.csv", shares)
-    run.write("reversal.md", reversal.to_markdown(shares))
+    run.write("reversal.md", reversal.readable(shares).markdown())
     return shares, trials
 
 

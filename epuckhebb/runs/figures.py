@@ -3,7 +3,7 @@
 import pandas as pd
 from matplotlib.figure import Figure
 
-from epuckhebb.analysis import charts, figures, reversal_figure
+from epuckhebb.analysis import charts, figures
 from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.analysis.image import image
 from epuckhebb.config import EvaluateConfig, EvolveConfig
@@ -22,7 +22,7 @@ def trajectories(config: EvaluateConfig, title: str, traces: Traces) -> Figure:
 def reversal(config: EvaluateConfig, genome: str, shares: pd.DataFrame, trials: pd.DataFrame) -> Figure:
     """Reversal learning: the rewarded shares."""
     title = f"{config.world.name} ({config.changed}) · genome {genome} · {2 * config.repeats} lifetimes each"
-    return reversal_figure.figure(shares, trials, title)
+    return charts.reversal(shares, trials, title)
 
 
 def learning(config: EvolveConfig, optimizer: str, history: pd.DataFrame) -> Figure:

@@ -4,10 +4,10 @@ import csv
 from collections.abc import Iterator
 from dataclasses import asdict
 
-from epuckhebb.adaptation.controller import HEBBIAN
 from epuckhebb.config import EvaluateConfig, training_world
 from epuckhebb.runtime import REFERENCE, data_folder
 from epuckhebb.store import Genome
+from epuckhebb.tmaze.individual import HEBBIAN
 from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.scenario import Scenario

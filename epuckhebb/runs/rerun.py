@@ -49,8 +49,6 @@ def repeat(path: Path) -> tuple[Path, str]:
                 f"genome={config.genome} is not the genome of {path}: its SHA-256 is {genome.sha256[:16]}…, "
                 f"it was {facts['genome_sha256'][:16]}…"
             )
-        if facts.get("nominal_sha256") not in (None, genome.nominal_sha256):
-            raise ConfigError(f"genome={config.genome} remembers its training world otherwise than in {path}")
         evaluate_into(new, config, facts["overrides"], more, threads=thread_count(config.threads))
     else:
         again = prepare_evolution(from_values(values, EvolveConfig, str(path)))

@@ -55,7 +55,16 @@ def interruptible() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    timer = threading.Timer(_PATIENCE_S, _leave)
+
+    def leave() -> None:
+        try:
+            left_behind = [close() for close in list(open_folders)]
+            sys.stderr.write(f"\nError: {interrupted(next(filter(None, left_behind), ''))}\n")
+            sys.stderr.flush()
+        finally:
+            os._exit(INTERRUPTED)
+
+    timer = threading.Timer(_PATIENCE_S, leave)
     timer.daemon = True
 
     def stop(number: int, frame: FrameType | None) -> None:
@@ -119,12 +128,3 @@ def exit_with_parent(parent: int) -> None:
 def interrupted(left_behind: str) -> str:
     """The message of an interruption."""
     return f"interrupted: {left_behind}" if left_behind else "interrupted"
-
-
-def _leave() -> None:
-    try:
-        left_behind = [close() for close in list(open_folders)]
-        sys.stderr.write(f"\nError: {interrupted(next(filter(None, left_behind), ''))}\n")
-        sys.stderr.flush()
-    finally:
-        os._exit(INTERRUPTED)

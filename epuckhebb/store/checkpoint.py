@@ -92,14 +92,10 @@ class Checkpoint:
 def _log(arrays: Mapping[str, NDArray[Any]]) -> list[Results]:
     """The results of each generation."""
     ends = np.cumsum(arrays["individuals"])[:-1]
-    measures = {
-        name.removeprefix(_MEASURE): np.split(values, ends)
-        for name, values in arrays.items()
-        if name.startswith(_MEASURE)
-    }
+    names = [name for name in arrays if name.startswith(_MEASURE)]
+    measures = {name.removeprefix(_MEASURE): np.split(arrays[name], ends) for name in names}
+    generations = zip(arrays["digests"], np.split(arrays["results"], ends), strict=True)
     return [
         Results(str(digest), fitness, {name: parts[number] for name, parts in measures.items()})
-        for number, (digest, fitness) in enumerate(
-            zip(arrays["digests"], np.split(arrays["results"], ends), strict=True)
-        )
+        for number, (digest, fitness) in enumerate(generations)
     ]

@@ -1,6 +1,7 @@
 """Writes files atomically, locks folders, reads JSON and arrays, and names the files of a run folder."""
 
 import errno
+import hashlib
 import io
 import json
 import os
@@ -83,6 +84,11 @@ def bytes_of(file: Path) -> bytes:
         return file.read_bytes()
     except OSError as error:
         raise ConfigError(f"{file} cannot be read: {error.strerror}") from error
+
+
+def sha256_of(content: bytes) -> str:
+    """The SHA-256 of a content, as hexadecimal digits."""
+    return hashlib.sha256(content).hexdigest()
 
 
 def as_json(content: dict[str, Any]) -> bytes:

@@ -5,7 +5,6 @@ evolution, or a study, belongs to the process that has locked its folder.
 """
 
 import csv
-import hashlib
 import io
 import math
 import re
@@ -155,14 +154,14 @@ class RunFolder:
             self._write_status("running")
         disk.write_atomic(self.path / name, content)
         if name != STATUS:
-            self._written[name] = hashlib.sha256(content).hexdigest()
+            self._written[name] = disk.sha256_of(content)
 
     def remove_stale(self) -> None:
         """Remove what an earlier call wrote and this one did not; a file that was changed since is set aside."""
         while self._earlier:
             name, sha256 = self._earlier.popitem()
             file = self.path / name
-            if file.is_file() and hashlib.sha256(file.read_bytes()).hexdigest() == sha256:
+            if file.is_file() and disk.sha256_of(file.read_bytes()) == sha256:
                 file.unlink()
             elif file.exists():
                 set_aside(file, self.path, "is of an earlier call and was changed since")
@@ -198,9 +197,6 @@ class RunFolder:
         self, facts: dict[str, Any], config: str | None, overrides: list[str] | None, own: Mapping[Path, OwnFile] | None
     ) -> None:
         """Write down what runs here: its state first, and `provenance.json`, by which a run is known, after that."""
-        self._earlier.pop(PROVENANCE, None)
-        if config is not None:
-            self._earlier.pop(CONFIG, None)
         self._write_status("running")
         if overrides is not None:
             self.write(OVERRIDES, yaml.safe_dump(overrides, allow_unicode=True))
@@ -255,16 +251,14 @@ def _cannot_write(path: Path, error: OSError) -> ConfigError:
 def _refuse_foreign(path: Path, command: str | None = None) -> None:
     """Refuse a folder with files that are not of this program, or not of a command, if one is given."""
     begun = (STATUS, PROVENANCE, LOCK, ".hydra", "multirun.yaml")  # the first files in a folder of this program
-    names = (entry.name for entry in path.iterdir())
-    foreign = sorted(name for name in names if name not in begun and not _HALF.fullmatch(name))
-    if not foreign:
-        return
-    whose = None
+    foreign = [file.name for file in path.iterdir() if file.name not in begun and not _HALF.fullmatch(file.name)]
     with suppress(ConfigError):
-        whose = Run(path).provenance["command"]
-    if command is None or whose != command:
-        what = f"a run of `epuckhebb {whose}`" if whose else f"files that are not of this program ({foreign[0]}, ...)"
-        raise ConfigError(f"{path} holds {what}; nothing there is touched. Give a folder that is new or empty")
+        if foreign and Run(path).provenance["command"] == command:
+            return
+    if foreign:
+        raise ConfigError(
+            f"{path} holds other files ({min(foreign)}, ...), which stay; give a folder that is new or empty"
+        )
 
 
 def _remove_half_done(path: Path) -> None:

@@ -4,6 +4,7 @@ import hashlib
 import json
 import platform
 import subprocess
+from contextlib import suppress
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -18,7 +19,6 @@ from epuckhebb.store.genome import Genome
 # of a study run again, and `rerun` and `resume=` say that the program has changed.
 SCIENCE = 1
 _PACKAGE = Path(__file__).resolve().parents[1]
-_SCIENCE = ("controller", "tmaze", "adaptation", "flock", "evolution")
 _NUMERIC = ("cmaes", "numba", "numpy", "pymunk")  # the packages on which digits may depend
 _PACKAGES = ("epuckhebb", "cmaes", "pymunk", "numpy", "numba", "pandas", "hydra-core", "typer", "matplotlib")
 
@@ -57,16 +57,13 @@ def _code_version() -> dict[str, Any]:
     """The version of this program and of its science, and its git commit where it runs from a checkout."""
 
     def git(*words: str) -> str | None:
-        command = ["git", "-C", str(_PACKAGE), *words]
-        try:
-            done = subprocess.run(command, capture_output=True, timeout=5, check=True)
-        except (OSError, subprocess.SubprocessError):
-            return None
-        return done.stdout.decode(errors="replace").strip()
+        with suppress(OSError, subprocess.SubprocessError):
+            command = ["git", "-C", str(_PACKAGE), *words]
+            return subprocess.run(command, capture_output=True, timeout=5, check=True, text=True).stdout.strip()
+        return None
 
     known: dict[str, Any] = {"version": __version__, "science": SCIENCE, "commit": None, "dirty": None}
-    is_below = any((folder / ".git").exists() for folder in _PACKAGE.parents)  # else there is nothing to ask git
-    tracked = is_below and git("ls-files", "--error-unmatch", "__init__.py") is not None
+    tracked = git("ls-files", "--error-unmatch", "__init__.py") is not None  # or it is installed below a user's project
     if tracked and (state := git("status", "--porcelain=v2", "--branch", "--", str(_PACKAGE))):
         commit, *others = state.splitlines()
         known["commit"] = commit.removeprefix("# branch.oid ")

@@ -1,13 +1,13 @@
 """Reads run folders: provenance, status, tables, and whether every file is as the run wrote it."""
 
-import hashlib
 import io
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from epuckhebb.runtime import LATEST, ConfigError
-from epuckhebb.store.disk import CHAMPION, CONFIG, PROVENANCE, SCHEMA, STATUS, bytes_of, is_locked, json_of, one_error
+from epuckhebb.store import disk
+from epuckhebb.store.disk import CHAMPION, CONFIG, PROVENANCE, SCHEMA, STATUS, bytes_of, is_locked, json_of, sha256_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,8 +23,8 @@ _TEXTS = (
 class Run:
     """A run folder. Every property and method reads the files as they are now.
 
-    What cannot be read raises `ConfigError`, and so does a folder of another version of this program. Only `state`,
-    `error`, `has` and `is_whole` answer in any case.
+    What cannot be read raises `ConfigError`, and so does a folder of another version of this program. Only
+    `recorded_status`, `has` and `is_whole` answer in any case.
     """
 
     def __init__(self, path: Path) -> None:
@@ -47,14 +47,9 @@ class Run:
         return status
 
     @property
-    def state(self) -> str:
-        """The state that the run wrote down; "" if it cannot be read."""
-        return str(self._written.get("state", ""))
-
-    @property
-    def error(self) -> str:
-        """Why the run failed, as it wrote down; "" if it wrote nothing."""
-        return str(self._written.get("error", ""))
+    def recorded_status(self) -> dict[str, Any]:
+        """The status that the run wrote down; nothing if it cannot be read."""
+        return _json(self.path / STATUS)
 
     @property
     def config_file(self) -> Path:
@@ -65,8 +60,7 @@ class Run:
     def content(self, name: str) -> bytes:
         """The content of a file, which must be what the run wrote, as far as its status has its checksum."""
         content = bytes_of(self.path / name)
-        sha256 = hashlib.sha256(content).hexdigest()
-        if self._sha256.get(name, sha256) != sha256:
+        if self._sha256.get(name, sha256_of(content)) != sha256_of(content):
             raise ConfigError(
                 f"{self.path / name} is not what this run wrote (its SHA-256 differs); put it back as it was, or run "
                 "it again"
@@ -87,7 +81,7 @@ class Run:
         """A table, nan in cells without a value."""
         import pandas as pd  # takes a while to load
 
-        with one_error(f"{self.path / name} cannot be read as a table"):
+        with disk.one_error(f"{self.path / name} cannot be read as a table"):
             content = io.BytesIO(self.content(name))
             texts = dict.fromkeys(_TEXTS, str)
             return pd.read_csv(content, keep_default_na=False, na_values=[""], dtype=texts, low_memory=False)
@@ -112,13 +106,11 @@ class Run:
     @property
     def is_whole(self) -> bool:
         """Whether the run is finished and its results are as they were then: not cut, changed or lost."""
-        try:
-            for name in self._sha256:
-                if name.endswith(_RESULTS):
-                    self.content(name)
-        except ConfigError:
-            return False
-        return self.state == "finished"
+        results = {name: sha256 for name, sha256 in self._sha256.items() if name.endswith(_RESULTS)}
+        with suppress(OSError):
+            whole = all(sha256_of((self.path / name).read_bytes()) == sha256 for name, sha256 in results.items())
+            return whole and self.recorded_status.get("state") == "finished"
+        return False
 
     def check_version(self) -> None:
         """Refuse a folder that another version of this program made, whose files differ from ours."""
@@ -141,13 +133,9 @@ class Run:
                 raise ConfigError(f"{self.path} is not a run folder: it has no {name}. Give one, for example {inside}")
 
     @property
-    def _written(self) -> dict[str, Any]:
-        return _json(self.path / STATUS)
-
-    @property
     def _sha256(self) -> dict[str, str]:
         """The SHA-256 of each file that the run wrote down, by name."""
-        return dict(self._written.get("sha256", {}))
+        return dict(self.recorded_status.get("sha256", {}))
 
 
 def _json(file: Path) -> dict[str, Any]:

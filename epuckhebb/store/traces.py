@@ -38,7 +38,5 @@ def read_traces(run: Run) -> tuple[Traces, NDArray[np.float64], Network]:
             name: arrays[name] if name in arrays else np.zeros((*shape, *empty.shape[1:]))
             for name, empty in empty_samples(0, network)._asdict().items()
         }
-        traces = Traces(
-            controller=arrays["controller"].tolist(), side=arrays["side"].tolist(), samples=Samples(**samples)
-        )
-        return traces, arrays["genome"], network
+        controllers, sides = arrays["controller"].tolist(), arrays["side"].tolist()
+        return Traces(controller=controllers, side=sides, samples=Samples(**samples)), arrays["genome"], network

@@ -1,6 +1,7 @@
-"""Many runs: sweep, reproduction and leaderboard; which jobs there are, which are missing, and tables over all.
+"""Many runs: sweep, reproduction, leaderboard, flocks, and studies of a user's own.
 
-A study that was killed is resumed by the same command; `jobs` says how. Others import `sweep`, `reproduce`,
-`leaderboard`, `leaderboard_plan`, `flock` and `jobs`, one at a time: each loads only what it needs.
-What cannot be used raises `ConfigError`; a study whose jobs fail raises `JobFailedError`.
+`study.py` says what a study is and conducts it; `jobs.py`, the engine, does its jobs on any launcher and resumes them.
+`flock`, `leaderboard`, `reproduce` and `sweep` are the studies of the program, each with a function `plan`. Others
+import these six, one at a time: each loads only what it needs. What cannot be used raises `ConfigError`; a study whose
+jobs fail raises `JobFailedError`.
 """

@@ -4,15 +4,16 @@ A job is named by all that its result depends on: its settings, the job of its c
 rules, the science.
 """
 
-import copy
 import functools
 import time
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from epuckhebb.analysis import reproduction
 from epuckhebb.analysis.evaluate import Rows
 from epuckhebb.config import (
     EvaluateConfig,
@@ -23,20 +24,56 @@ from epuckhebb.config import (
     from_values,
     load,
     own_files,
-    own_references,
 )
 from epuckhebb.runs import evolve_into, hydra, new_evolution, prepare_evaluation, prepare_evolution
 from epuckhebb.runtime import ConfigError, JobFailedError, data_folder
-from epuckhebb.store import RunFolder, as_json, digest, fingerprint, write_atomic
-from epuckhebb.studies import jobs as study_jobs
-from epuckhebb.studies.jobs import NO_EFFECT, Job
+from epuckhebb.store import OwnFile, RunFolder, as_json, digest, write_atomic
+from epuckhebb.studies.jobs import Job
+from epuckhebb.studies.study import Study, job_name
 from epuckhebb.tmaze.fitness import Signal
 from epuckhebb.tmaze.scenario import Scenario
 
 COST = "cost.json"
 
 
-def job_of(overrides: list[str], config: Plain, *, champion: str = "", **more: Any) -> Job:
+class ChampionStudy(Study):
+    """A study whose jobs evolve champions, or test them."""
+
+    @classmethod
+    def name_of(cls, job: Plain) -> str:
+        """See `Study`."""
+        worlds, config_dir = tuple(job.get("worlds", ())), job.get("config_dir")
+        depends = {key: value for key, value in job.items() if key != "config_dir"}
+        depends["config"] = {key: value for key, value in job["config"].items() if key != "genome"}
+        depends["worlds"] = worlds_digest(worlds, config_dir)
+        return job_name("test" if worlds else "champion", depends)
+
+    @property
+    def own(self) -> Mapping[Path, OwnFile]:
+        """See `Study`."""
+        jobs = (job for _, stage in self.stages() for job in stage)
+        return {file: own for job in jobs for file, own in own_files(job.config["config"]).items()}
+
+    @classmethod
+    def work(cls, path: Path, job: Plain, facts: dict[str, Any]) -> None:
+        """See `Study`."""
+        wanted, folder = job["config"], path.parents[1]
+        values = dict(wanted["config"])
+        if wanted["champion"]:
+            values["genome"] = str(folder / wanted["champion"])
+        if "worlds" in wanted:
+            _test(path, from_values(values, EvaluateConfig, f"job {path}"), wanted, job["overrides"], facts)
+            return
+        config = from_values(values, EvolveConfig, f"job {path}")
+        prepared = prepare_evolution(config)
+        prepared.compile()
+        run = new_evolution(path, config, job["overrides"], facts)
+        began = time.process_time()
+        evolve_into(run, prepared, None, threads=hydra.threads_of_job(config.threads), quiet=True)
+        write_atomic(path / COST, _cost_since(began))
+
+
+def job_of(overrides: list[str], config: Plain, *, champion: str = "", purpose: str = "", **more: Any) -> Job:
     """A job that evolves a champion or, if it is given `worlds`, tests one.
 
     champion: the run of the champion that it tests, or whose weights it is given; "" for the genome of `config`. more:
@@ -44,24 +81,7 @@ def job_of(overrides: list[str], config: Plain, *, champion: str = "", **more: A
     `experiment` for the paper's rule and its controls in place of the controllers of `config`.
     """
     job = {"config": config, "champion": champion, **more}
-    return Job(number=0, overrides=overrides, run=identity(job), config=job)
-
-
-def identity(job: Plain) -> str:
-    """The name of the run of a job."""
-    config, own = copy.deepcopy(job["config"]), own_files(job["config"])
-    for key in (*NO_EFFECT, "genome"):
-        config.pop(key)
-    for part, key, _, name in list(own_references(config)):
-        part[key] = name  # wherever the file is
-    worlds, config_dir = tuple(job.get("worlds", ())), job.get("config_dir")
-    depends = {
-        **{key: value for key, value in job.items() if key != "config_dir"},
-        "config": config,
-        "worlds": worlds_digest(worlds, config_dir),
-    }
-    name = fingerprint(depends, own=[one.digest for one in own.values()])
-    return f"{'test' if worlds else 'champion'}_{name}"
+    return Job(number=0, overrides=overrides, run=ChampionStudy.name_of(job), config=job, purpose=purpose)
 
 
 @functools.cache
@@ -99,33 +119,9 @@ def worlds_digest(worlds: tuple[str, ...], config_dir: str | None) -> str:
     return digest({name: repr(world_named(name, config_dir)) for name in worlds})
 
 
-def champion_job(cfg: Any) -> None:
-    """Evolve or test a champion, as a job of Hydra's."""
-    study_jobs.one_job(cfg, identity, _work)
-
-
-def _work(path: Path, job: Plain, facts: dict[str, Any]) -> None:
-    wanted, folder = job["config"], path.parents[1]
-    values = dict(wanted["config"])
-    if wanted["champion"]:
-        values["genome"] = str(folder / wanted["champion"])
-    if "worlds" in wanted:
-        _test(path, from_values(values, EvaluateConfig, f"job {path}"), wanted, job["overrides"], facts)
-        return
-    config = from_values(values, EvolveConfig, f"job {path}")
-    prepared = prepare_evolution(config)
-    prepared.compile()
-    run = new_evolution(path, config, job["overrides"], facts)
-    began = time.process_time()
-    evolve_into(run, prepared, None, threads=hydra.threads_of_job(config.threads), quiet=True)
-    write_atomic(path / COST, _cost_since(began))
-
-
 def _test(path: Path, config: EvaluateConfig, job: Plain, overrides: list[str], facts: dict[str, Any]) -> None:
     """Evaluate a champion in all worlds."""
     if "rates" in job:
-        from epuckhebb.analysis import reproduction  # matplotlib takes a while to load
-
         config.controllers = reproduction.controllers(job["experiment"], job["rates"], Signal[job["signal"]])
     prepared, threads = prepare_evaluation(config), hydra.threads_of_job(config.threads)
     genome = prepared.genome

@@ -1,27 +1,33 @@
 """`epuckhebb flock`: flocks with every coupling and its controls, in every condition of a sweep, and their tables.
 
-The folder is named by the settings, so the same command resumes it; see `epuckhebb.studies.jobs`. Each condition is a
-job, whose runs share the threads of one process.
+Each condition is a job, whose runs share the threads of one process.
 """
 
-from collections.abc import Sequence
+import copy
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import pandas as pd
 
 from epuckhebb.analysis import flock as tables
 from epuckhebb.analysis import flock_replay
-from epuckhebb.config import FlockConfig, Plain, Row, dump, from_values, load, own_files, settings, shorter
-from epuckhebb.flock.coupling import CouplingError
+from epuckhebb.analysis.tables import Table
+from epuckhebb.config import Plain, check_counts, from_values, load, part_class, part_from, part_settings, register
+from epuckhebb.controller.ranges import check as check_ranges
+from epuckhebb.controller.ranges import within
+from epuckhebb.flock.coupling import Coupling, CouplingError
+from epuckhebb.flock.couplings.frozen import Frozen
+from epuckhebb.flock.couplings.oracle import Oracle
 from epuckhebb.flock.plane import CHANGE_S, Flock, Record, run
 from epuckhebb.runs import hydra
 from epuckhebb.runtime import ConfigError, thread_count
-from epuckhebb.store import Run, RunFolder, digest, fingerprint
-from epuckhebb.studies import jobs
-from epuckhebb.studies.jobs import Job
+from epuckhebb.store import Run
+from epuckhebb.studies.jobs import split
+from epuckhebb.studies.study import Planned, Study, prepare
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,123 +39,221 @@ QUICK = (
     "flock.at_s=600",
     "flock.sweep={loudness: [], knowers: [], range_m: [], repeats: 4}",
 )
-_NOT_SHOWN = ("(shuffled)", "oracle")  # in the picture of couplings, and in a replay
+ALL, FROZEN, ORACLE = "all", "frozen", "oracle"
+_INFLUENCE, _FITNESS = "transfer_entropy", "live_fitness"
+_ROWS = (_INFLUENCE, _FITNESS, f"{_INFLUENCE}_x_fitness")  # between frozen and oracle
+_WITHOUT_CONTROL = (FROZEN, ORACLE, f"{_INFLUENCE}_x_fitness")  # they use no number of others, or two
+SHUFFLED = " (shuffled)"
+_NOT_SHOWN = (SHUFFLED.strip(), ORACLE)  # in the figure of couplings, and in a replay
 
 
-def flock(arguments: list[str], *, quick: bool, config_dir: str | None = None) -> Path:
-    """Do what is missing and write the tables, the figures and the page; returns the folder.
+class Row(NamedTuple):
+    """A row of the tables. name: of the coupling. other: whether it is given the numbers of other robots."""
 
-    arguments: overrides, of the study and of Hydra.
-    """
-    own, of_hydra = jobs.split("flock", arguments)
-    config = load(FlockConfig, [*(QUICK if quick else ()), *own], config_dir)
-    smoke_test = shorter(config.cells[0].flocks[0])
-    _run_all([(row, smoke_test, config.seed) for row in config.rows], 1)  # a coupling that gives no weights ends here
-    planned = [_job(config.values, number) for number in range(len(config.cells))]
-    name = f"{config.flock.coupling.rpartition(':')[2]}_seed{config.seed}"
-    usual = Path("runs") / "flock" / f"{name}_{digest([job.run for job in planned])[:8]}"
-    folder, launcher = jobs.folder_and_launcher(of_hydra, usual, len(planned))
-    words = [*(["--quick"] if quick else []), *arguments]
-    with jobs.open_study(folder, "flock", config, words, planned, own_files(config.values)) as study:
-        jobs.launch_in_turn(study, [("run flocks", planned)], launcher, flock_job)
-        _report(study, config, [Run(folder / job.run) for job in planned])
-    return folder
+    name: str
+    coupling: Coupling
+    other: bool = False
 
 
-def flock_job(cfg: Any) -> None:
-    """Do one condition, as a job of Hydra's."""
-    jobs.one_job(cfg, _identity, _work)
+class Condition(NamedTuple):
+    """Flocks that differ in what breaks alone, how many seeds each runs with, and what its robots differ in."""
+
+    flocks: list[Flock]
+    repeats: int
+    settings: dict[str, Any]
 
 
-def _job(values: Plain, number: int) -> Job:
-    config = {"config": values, "cell": number}
-    return Job(number=number, overrides=[], run=_identity(config), config=config)
+@dataclass(kw_only=True)
+class Sweep:
+    """Values of a sweep; see `conf/flock/all.yaml`."""
+
+    loudness: list[float] = field(default_factory=list)
+    knowers: list[int] = field(default_factory=list)
+    range_m: list[float] = field(default_factory=list)
+    repeats: int = within(1, default=20)
+
+    def __post_init__(self) -> None:
+        check_ranges(self, "flock.sweep")
 
 
-def _identity(job: Plain) -> str:
-    """The name of the run of a job, from what it depends on: other conditions of the sweep leave it as it is."""
-    config = from_values(job["config"], FlockConfig, "a job of flock")
-    rows = [(row.name, repr(row.coupling), row.other) for row in config.rows]
-    own = [file.digest for file in own_files(job["config"]).values()]  # wherever they are
-    return f"flock_{fingerprint([rows, repr(config.cells[job['cell']]), config.seed], own=own)}"
+@dataclass(kw_only=True)
+class FlockKeys:
+    """The keys of group flock; see `epuckhebb.flock.plane.Flock` and `epuckhebb.flock.coupling.Coupling`."""
+
+    coupling: str = ALL
+    N: float = Coupling.N
+    decay: float = Coupling.decay
+    own: dict[str, Any] = field(default_factory=dict)
+    shuffled: bool = True
+    robots: int = Flock.robots
+    knowers: int = Flock.knowers
+    breaks: Any = Flock.breaks
+    at_s: float = Flock.at_s
+    duration_s: float = Flock.duration_s
+    loudness: float = Flock.loudness
+    noise: float = Flock.noise
+    range_m: float = Flock.range_m
+    spacing_m: float = Flock.spacing_m
+    sweep: Sweep = field(default_factory=Sweep)
 
 
-def shown(config: FlockConfig) -> tuple[Flock, dict[str, Record]]:
-    """The first flock of the usual condition, with the last kind of break, once with each coupling but the controls."""
-    first, rows = config.cells[0].flocks[-1], [row for row in config.rows if not row.name.endswith(_NOT_SHOWN)]
-    records = _run_all([(row, first, config.seed) for row in rows], thread_count(config.threads))
-    return first, {row.name: record for row, record in zip(rows, records, strict=True)}
+@register
+@dataclass(kw_only=True)
+class FlockStudy(Study):
+    """The study, with all keys of `epuckhebb flock`. rows: of the tables. conditions: of the sweep, the usual first."""
+
+    command: ClassVar[str] = "flock"
+    reference: ClassVar[str] = "flock"
+    seed: int = 1100
+    repeats: int = 20
+    threads: int = 0
+    flock: FlockKeys = field(default_factory=FlockKeys)
+
+    def __post_init__(self) -> None:
+        """Validate the settings."""
+        check_counts({"seed": self.seed, "repeats": self.repeats, "threads": self.threads})
+        self.rows, self.conditions = _rows(self.flock), _conditions(self.flock, self.repeats)
+
+    @property
+    def label(self) -> str:
+        """See `Study`."""
+        return f"{self.flock.coupling.rpartition(':')[2]}_seed{self.seed}"
+
+    def plan(self) -> Sequence[Plain]:
+        """See `Study`: a job is the study of one condition, so other conditions leave it as it is."""
+        smoke_test = replace(self.conditions[0].flocks[0], at_s=6.4, duration_s=19.2)  # its coupling changes once
+        _run_all([(row, smoke_test, self.seed) for row in self.rows], 1)
+        jobs = []
+        for condition in self.conditions:
+            job = copy.deepcopy(self.values)
+            job["repeats"] = condition.repeats
+            job["flock"] |= {**condition.settings, "sweep": {}}
+            jobs.append(job)
+        return jobs
+
+    @classmethod
+    def do(cls, job: Plain) -> dict[str, pd.DataFrame]:
+        """See `Study`: run all flocks of a condition."""
+        study = from_values(job, cls, "a job of flock")
+        (condition,), threads = study.conditions, hydra.threads_of_job(study.threads)
+        seeds = range(study.seed, study.seed + condition.repeats)
+        rows, minutes = [], []
+        for flock, row in product(condition.flocks, study.rows):
+            here = {"breaks": flock.breaks, "coupling": row.name}
+            records = _run_all([(row, flock, seed) for seed in seeds], threads)
+            for seed, record in zip(seeds, records, strict=True):
+                rows.append({**condition.settings, **here, "seed": seed, **tables.metrics_of(flock, record)})
+                for minute, cosine in enumerate(tables.by_minute(flock, record)):
+                    minutes.append({**here, "seed": seed, "minute": minute + 0.5, "cosine": cosine})
+        return {"runs": pd.DataFrame(rows), "minutes": pd.DataFrame(minutes)}
+
+    def tables(self, runs: Sequence[Run]) -> dict[str, pd.DataFrame]:
+        """See `Study`."""
+        every = pd.concat([run.table("runs.csv") for run in runs], ignore_index=True)
+        curves = tables.curves(runs[0].table("minutes.csv"), self.seed)
+        own = {"flock": tables.table(every, self.seed), "estimator": tables.estimator(self.seed)}
+        return {"runs": every, "curves": curves, **own}
+
+    def figures(self, run: Run) -> dict[str, "Figure"]:
+        """See `Study`; the first flock runs again."""
+        from epuckhebb.analysis import flock_figure  # matplotlib takes a while to load
+
+        first, records = self.first_flock()
+        at = int(first.at_s / CHANGE_S)
+        networks = {name: (record.weights[at], record.weights[-1]) for name, record in records.items()}
+        figures = {
+            "flock": flock_figure.curves(run.table("curves.csv"), first.at_s, self.repeats),
+            "couplings": flock_figure.couplings(networks, first.broken, first.knowers),
+        }
+        return figures | ({"sweep": flock_figure.sweep(run.table("flock.csv"))} if len(self.conditions) > 1 else {})
+
+    def first_flock(self) -> tuple[Flock, dict[str, Record]]:
+        """The first flock of the usual condition, with the last kind of break, run with each coupling but controls."""
+        first, rows = self.conditions[0].flocks[-1], [row for row in self.rows if not row.name.endswith(_NOT_SHOWN)]
+        records = _run_all([(row, first, self.seed) for row in rows], thread_count(self.threads))
+        return first, {row.name: record for row, record in zip(rows, records, strict=True)}
+
+    def page(self, run: Run, captions: Mapping[str, str]) -> str:
+        """See `Study`."""
+        first = self.conditions[0].flocks[-1]
+        few = "**A smoke test: so few flocks say nothing about a coupling.** " if self.repeats < 8 else ""
+        made = (
+            f"{few}Made by `epuckhebb flock`: {self.flock.robots} robots, {self.repeats} flocks of the usual "
+            f"condition, seeds {self.seed} to {self.seed + self.repeats - 1}; {first.duration_s / 60:g} minutes, and "
+            f"the break after {first.at_s / 60:g}."
+        )
+        return tables.page(run.table("flock.csv"), run.table("estimator.csv"), made, list(captions))
+
+    @classmethod
+    def shown(cls, run: Run) -> list[Table]:
+        """See `Study`."""
+        return [table.only(0, 1, 3, 5, 4) for table in tables.main_tables(run.table("flock.csv"))]
+
+    @classmethod
+    def in_short(cls, run: Run) -> str:
+        """See `Study`: how well the best couplings do."""
+        table = run.table("flock.csv")
+        own = table[table.breaks == table.breaks.iloc[-1]].set_index("coupling").long_after.groupby(level=0).first()
+        return ", ".join(f"{name} {value:.2f}" for name, value in own.sort_values(ascending=False).head(3).items())
+
+
+def plan(arguments: list[str], *, quick: bool = False, config_dir: str | None = None) -> Planned:
+    """Plan the study. arguments: overrides, of the study and of Hydra."""
+    own, of_hydra = split("flock", arguments)
+    study = load(FlockStudy, [*(QUICK if quick else ()), *own], config_dir)
+    return prepare(study, of_hydra, [*(["--quick"] if quick else []), *arguments])
 
 
 def replay_page(path: Path) -> str:
     """The page that replays a finished study: its first flock runs again."""
-    done = Run(path)
-    config = from_values(settings(done.config_file), FlockConfig, str(path))
-    flock, records = shown(config)
-    runs = done.table("runs.csv")
+    study, done = FlockStudy.stored(Run(path)), Run(path).table("runs.csv")
+    flock, records = study.first_flock()
     for name, record in records.items():
-        row = runs[(runs.coupling == name) & (runs.breaks == flock.breaks) & (runs.seed == config.seed)].iloc[0]
+        row = done[(done.coupling == name) & (done.breaks == flock.breaks) & (done.seed == study.seed)].iloc[0]
         if tables.metrics_of(flock, record)["long_after"] != row.long_after:
             raise ConfigError(f"{path} was made by another version of the program, or of its coupling; run it again")
-    return flock_replay.page(flock, records, f"{path.name}: seed {config.seed}")
+    return flock_replay.page(flock, records, f"{path.name}: seed {study.seed}")
 
 
-def _run_all(wanted: Sequence[tuple[Row, Flock, int]], threads: int) -> list[Record]:
-    def one(what: tuple[Row, Flock, int]) -> Record:
-        row, flock, seed = what
+def _rows(keys: FlockKeys) -> list[Row]:
+    rows = [Row(FROZEN, Frozen())]
+    for where in _ROWS if keys.coupling == ALL else (keys.coupling,):
+        name = where.rpartition(":")[2]
+        own = part_settings(part_class("coupling", where, "flock"), dict(keys.own), "flock.own", f"coupling {name}")
+        coupling = part_from("coupling", {"coupling": where, "N": keys.N, "decay": keys.decay, **own}, "flock")
+        if name not in (FROZEN, ORACLE):
+            rows.append(Row(name, coupling))
+        if keys.shuffled and name not in _WITHOUT_CONTROL:
+            rows.append(Row(name + SHUFFLED, coupling, other=True))
+    return [*rows, Row(ORACLE, Oracle())]
+
+
+def _conditions(keys: FlockKeys, repeats: int) -> list[Condition]:
+    """The conditions of the sweep, the usual one first."""
+    names = [keys.breaks] if isinstance(keys.breaks, str) else keys.breaks
+    if not isinstance(names, list) or not names or len(set(map(str, names))) < len(names):
+        raise ValueError(f"flock.breaks must be none, stranger, knower, or a list of different ones, got {keys.breaks}")
+    shared = {name: getattr(keys, name) for name in ("robots", "at_s", "duration_s", "noise", "spacing_m")}
+    usual = {name: getattr(keys, name) for name in ("loudness", "knowers", "range_m")}
+    values = product(keys.sweep.loudness or [keys.loudness], keys.sweep.knowers or [keys.knowers])
+    cells = [usual, *({**usual, "loudness": loudness, "knowers": knowers} for loudness, knowers in values)]
+    cells += [{**usual, "range_m": range_m} for range_m in keys.sweep.range_m]
+    different = [cell for place, cell in enumerate(cells) if cell not in cells[:place]]
+    return [
+        Condition(
+            [Flock(breaks=name, **shared, **cell) for name in names], keys.sweep.repeats if number else repeats, cell
+        )
+        for number, cell in enumerate(different)
+    ]
+
+
+def _run_all(tasks: Sequence[tuple[Row, Flock, int]], threads: int) -> list[Record]:
+    def one(task: tuple[Row, Flock, int]) -> Record:
+        row, flock, seed = task
         return run(flock, row.coupling, seed, other=row.other)
 
     try:
         with ThreadPoolExecutor(threads) as pool:
-            return list(pool.map(one, wanted))
+            return list(pool.map(one, tasks))
     except CouplingError as error:
         raise ConfigError(f"flock.coupling: {error}") from error
-
-
-def _work(path: Path, job: Plain, facts: dict[str, Any]) -> None:
-    """Run all flocks of a condition."""
-    config = from_values(job["config"]["config"], FlockConfig, f"job {path}")
-    condition, threads = config.cells[job["config"]["cell"]], hydra.threads_of_job(config.threads)
-    seeds = range(config.seed, config.seed + condition.repeats)
-    rows, minutes = [], []
-    own = own_files(config.values)
-    with RunFolder.new(path, "flock", dump(config), job["overrides"], {"seed": config.seed, **facts}, own) as folder:
-        for flock, row in product(condition.flocks, config.rows):
-            here = {"breaks": flock.breaks, "coupling": row.name}
-            found = {"loudness": flock.loudness, "knowers": flock.knowers, "range_m": flock.range_m, **here}
-            for seed, record in zip(seeds, _run_all([(row, flock, seed) for seed in seeds], threads), strict=True):
-                rows.append({**found, "seed": seed, **tables.metrics_of(flock, record)})
-                for minute, cosine in enumerate(tables.by_minute(flock, record)):
-                    minutes.append({**here, "seed": seed, "minute": minute + 0.5, "cosine": cosine})
-        folder.write("runs.csv", pd.DataFrame(rows))
-        folder.write("minutes.csv", pd.DataFrame(minutes))
-
-
-def figures(config: FlockConfig, curves: pd.DataFrame, table: pd.DataFrame) -> "dict[str, Figure]":
-    """The figures of a study by the names of their files, of two of its tables; its first flock runs again."""
-    from epuckhebb.analysis import flock_figure  # matplotlib takes a while to load
-
-    first, records = shown(config)
-    at = int(first.at_s / CHANGE_S)
-    networks = {name: (record.weights[at], record.weights[-1]) for name, record in records.items()}
-    drawn = {
-        "flock.png": flock_figure.curves(curves, first.at_s, config.repeats),
-        "couplings.png": flock_figure.couplings(networks, first.broken, first.knowers),
-    }
-    return drawn | ({"sweep.png": flock_figure.sweep(table)} if len(config.cells) > 1 else {})
-
-
-def _report(folder: RunFolder, config: FlockConfig, done: list[Run]) -> None:
-    runs = pd.concat([one.table("runs.csv") for one in done], ignore_index=True)
-    table, checks = tables.table(runs, config.seed), tables.estimator(config.seed)
-    curves = tables.curves(done[0].table("minutes.csv"), config.seed)
-    for name, frame in (("runs", runs), ("flock", table), ("curves", curves), ("estimator", checks)):
-        folder.write(f"{name}.csv", frame)
-    drawn, first = figures(config, curves, table), config.cells[0].flocks[-1]
-    few = "**A smoke test: so few flocks say nothing about a coupling.** " if config.repeats < 8 else ""
-    made = (
-        f"{few}Made by `epuckhebb flock`: {config.flock.robots} robots, {config.repeats} flocks of the usual "
-        f"condition, seeds {config.seed} to {config.seed + config.repeats - 1}; {first.duration_s / 60:g} minutes, and "
-        f"the break after {first.at_s / 60:g}."
-    )
-    jobs.write_report(folder, tables.page(table, checks, made, list(drawn)), drawn, "epuckhebb: flock")

@@ -1,11 +1,9 @@
-"""The engine of all studies: sweeps, leaderboards and reproductions. It knows no command.
+"""The engine of all studies: does jobs that are missing, on any launcher of Hydra's. It knows no command.
 
 The folder of a study is named by its settings, so the same command finds it again and does only what is missing. One
 process at a time works in it. Results are whole or absent: a file is renamed into its place. A run works in
 `unfinished/` until it is finished, and is then renamed in one step. A study may be killed at any moment: the next call
 ends bit-identical to one that was never stopped.
-
-Open the folder with `open_study`, and hand jobs to `launch`: they run in many processes or on a cluster.
 """
 
 import json
@@ -15,15 +13,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from epuckhebb.config import SWEEP_DIR, Checked, Plain, dump, quoted, value_of
 from epuckhebb.runs import hydra
-from epuckhebb.runtime import ConfigError, JobFailedError, counting, say
+from epuckhebb.runtime import ConfigError, JobFailedError, counting
 from epuckhebb.store import SCHEMA, UNFINISHED, OwnFile, Run, RunFolder, as_json, set_aside, write_atomic
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 NO_EFFECT = ("threads", "figures")  # keys on which no result depends
 _LIST, _JOBS, _STOP = "sweep.json", "jobs", "stop"
@@ -32,12 +27,17 @@ AT_ONCE = 1000  # jobs that a launcher gets at a time: as many as SLURM takes in
 
 @dataclass(frozen=True, kw_only=True)
 class Job:
-    """A part of a study that any launcher of Hydra's can do."""
+    """A part of a study that any launcher of Hydra's can do.
 
-    number: int  # its place, from 0
-    overrides: list[str]  # the settings to type for it
-    run: str  # the name of its run folder, which follows from all that its results depend on
+    number: its place, from 0. overrides: the settings to type for it. run: the name of its run folder, which follows
+    from all that its results depend on. config: what the study's `work` is given. purpose: what it is for.
+    """
+
+    number: int
+    overrides: list[str]
+    run: str
     config: Plain
+    purpose: str = ""
 
     @property
     def settings(self) -> dict[str, str]:
@@ -48,18 +48,22 @@ class Job:
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What a call did."""
+    """What a call did.
 
-    done: list[Job]  # the jobs that have a run now
-    before: int  # how many of them had one before
-    failures: list[tuple[Job, str]]  # the jobs that failed, and why
-    left: int  # how many were left out because one failed
+    done: the jobs that have a run now. before: how many of them had one before. failures: the jobs that failed, and
+    why. skipped: how many were not started because one failed.
+    """
+
+    done: list[Job]
+    before: int
+    failures: list[tuple[Job, str]]
+    skipped: int
 
     def as_json(self) -> dict[str, Any]:
         """The same as JSON values."""
         failed = [{"run": job.run, "error": error} for job, error in self.failures]
         now = len(self.done) - self.before
-        return {"done_before": self.before, "done_now": now, "failed": failed, "left_out": self.left}
+        return {"done_before": self.before, "done_now": now, "failed": failed, "left_out": self.skipped}
 
 
 @contextmanager
@@ -77,14 +81,13 @@ def open_study(
     its own. arguments: what followed the command. jobs: an interruption reports how many are done. own: the user's
     files, which the folder keeps as copies.
     """
-
-    def left_behind() -> str:
-        return f"{len(jobs) - len(todo(folder, jobs))} of {len(jobs)} jobs are done; the same command does the rest"
-
-    facts = {} if config is None else {"seed": config.seed}
-    written = None if config is None else dump(config)
-    with RunFolder.resume(folder, command, written, arguments, facts, own) as study:
-        study.left_behind = left_behind
+    seed = getattr(config, "seed", None)
+    facts = {} if seed is None else {"seed": seed}
+    text = None if config is None else dump(config)
+    with RunFolder.resume(folder, command, text, arguments, facts, own) as study:
+        study.left_behind = lambda: (
+            f"{len(jobs) - len(todo(folder, jobs))} of {len(jobs)} jobs are done; the same command does the rest"
+        )
         try:
             yield study
         except OSError as error:
@@ -97,7 +100,7 @@ def todo(folder: Path, jobs: Sequence[Job]) -> list[Job]:
 
 
 def split(command: str, arguments: Sequence[str]) -> tuple[list[str], list[str]]:
-    """The arguments that are of the study, and those that are Hydra's; a sweeper is refused."""
+    """The arguments of the study, and those of Hydra; a sweeper is refused."""
     hydras = [argument for argument in arguments if argument.lstrip("+~").startswith(("hydra.", "hydra/"))]
     for argument in hydras:
         if argument.startswith(("hydra/sweeper", "hydra.sweeper", "hydra.sweep.subdir")):
@@ -107,8 +110,8 @@ def split(command: str, arguments: Sequence[str]) -> tuple[list[str], list[str]]
     return [argument for argument in arguments if argument not in hydras], hydras
 
 
-def folder_and_launcher(hydras: Sequence[str], usual: Path, jobs: int) -> tuple[Path, list[str]]:
-    """The folder of a study, the usual one unless Hydra's arguments name another, and those for the launcher.
+def folder_and_launcher(hydras: Sequence[str], default: Path, jobs: int) -> tuple[Path, list[str]]:
+    """The folder of a study, the default unless Hydra's arguments name another, and those for the launcher.
 
     jobs: how many there are. One takes all cores in this process, unless a launcher is named; more run beside another.
     """
@@ -116,32 +119,7 @@ def folder_and_launcher(hydras: Sequence[str], usual: Path, jobs: int) -> tuple[
     launcher = [argument for argument in hydras if not argument.startswith(SWEEP_DIR)]
     if not any(argument.startswith("hydra/launcher=") for argument in launcher):
         launcher.insert(0, f"hydra/launcher={'joblib' if jobs > 1 else 'basic'}")
-    return Path(named[-1]) if named else usual, launcher
-
-
-def launch_in_turn(
-    study: RunFolder, stages: Sequence[tuple[str, Sequence[Job]]], launcher: list[str], do: Callable[[Any], None]
-) -> None:
-    """Do the jobs that are missing, one stage after the other; what is done in each is named before it."""
-    for what, jobs in stages:
-        missing = len(todo(study.path, jobs))
-        say(f"{what}: {len(jobs)} jobs, {len(jobs) - missing} done before, {missing} to do.")
-        outcome = launch(study, what, jobs, launcher, do, fail_fast=False)
-        if outcome.failures:
-            (job, why), failed = outcome.failures[0], len(outcome.failures)
-            raise JobFailedError(f"{failed} of {len(jobs)} jobs to {what} failed; {job.run}: {why}")
-
-
-def write_report(study: RunFolder, page: str, figures: "Mapping[str, Figure]", title: str) -> None:
-    """Write the figures of a study, and its page as Markdown and as HTML. figures: by the names of their files."""
-    from epuckhebb.analysis import report
-    from epuckhebb.analysis.image import image, small
-
-    pictures = {name: small(image(figure)) for name, figure in figures.items()}
-    for name, picture in pictures.items():
-        study.write(f"figures/{name}", picture)
-    study.write("report.md", page)
-    study.write("report.html", report.html(page, pictures.__getitem__, title))
+    return Path(named[-1]) if named else default, launcher
 
 
 def launch(
@@ -151,45 +129,56 @@ def launch(
     launcher: list[str],
     do: Callable[[Any], None],
     *,
-    fail_fast: bool,
+    fail_fast: bool = False,
 ) -> Outcome:
     """Do the jobs that are not done, on any launcher of Hydra's.
 
-    study: of `open_study`. name: for the provenance of runs. launcher: the overrides that set it up. do: a function at
-    the top of a module, which calls `one_job`. fail_fast: whether to start no job after one has failed.
+    study: of `open_study`. name: of the study, which every job is given. launcher: the overrides that set it up. do: a
+    function at the top of a module, which calls `do_job`. fail_fast: whether to start no job after one has failed.
     """
     folder = study.path
     missing = todo(folder, jobs)
     for job in missing:
         if os.path.lexists(folder / job.run):  # a run gets there whole, so it was changed since
             set_aside(folder / job.run, folder, "is not a finished run, or was changed since")
+    facts = {"name": name, "command_line": study.command_line, "fail_fast": fail_fast}
+    study.write(_LIST, as_json({"schema": SCHEMA, **facts, "jobs": [job.run for job in jobs]}))
     attempts: dict[str, Path] = {}
     trouble = ""
     if missing:
-        _write_jobs(study, {"name": name, "command_line": study.command_line, "fail_fast": fail_fast}, jobs, missing)
+        for job in missing:  # the next call would write them anew, so they need not last; there may be ten thousand
+            content = json.dumps({"overrides": job.overrides, "config": job.config}).encode()
+            write_atomic(folder / _JOBS / f"{job.run}.json", content, lasting=False)
         with counting(len(missing), lambda: count(folder, missing, list(attempts.values()))):
             for first in range(0, len(missing), AT_ONCE):
                 some, stamp = missing[first : first + AT_ONCE], hydra.new_stamp()
                 attempts |= {job.run: folder / UNFINISHED / f"{stamp}_{place}" for place, job in enumerate(some)}
+                arguments = [
+                    f"job={','.join(job.run for job in some)}",
+                    *launcher,
+                    f"hydra.sweep.dir={quoted(str(folder.absolute()))}",  # a worker may have been started elsewhere
+                    f'hydra.sweep.subdir="{UNFINISHED}/{stamp}_${{hydra.job.num}}"',
+                    "--multirun",
+                ]
                 try:
-                    hydra.call_many("study", do, _arguments(folder, some, launcher, stamp))
+                    hydra.call_many("study", do, arguments)
                 except (ConfigError, JobFailedError) as error:
                     trouble = str(error)
                 if trouble and fail_fast:
                     break
     remaining = {job.run for job in todo(folder, jobs)}
-    failures, left = [], 0
+    failures, skipped = [], 0
     for job in missing:
         begun = job.run in attempts and attempts[job.run].exists()
         if job.run in remaining and fail_fast and not begun:
-            left += 1
+            skipped += 1
         elif job.run in remaining:
-            why = Run(attempts[job.run]).error or trouble or "it ended unexpectedly"
+            why = Run(attempts[job.run]).recorded_status.get("error") or trouble or "it ended unexpectedly"
             failures.append((job, why))
     with suppress(OSError):
         (folder / UNFINISHED).rmdir()  # unless something is left in it
     done = [job for job in jobs if job.run not in remaining]
-    return Outcome(done=done, before=len(jobs) - len(missing), failures=failures, left=left)
+    return Outcome(done=done, before=len(jobs) - len(missing), failures=failures, skipped=skipped)
 
 
 def count(folder: Path, jobs: Sequence[Job], attempts: Sequence[Path]) -> tuple[int, int]:
@@ -197,15 +186,18 @@ def count(folder: Path, jobs: Sequence[Job], attempts: Sequence[Path]) -> tuple[
     done = len({job.run for job in jobs} & {path.name for path in folder.iterdir()})
     unfinished = folder / UNFINISHED
     there = {path.name for path in unfinished.iterdir()} if unfinished.is_dir() else set()
-    return done, sum(Run(path).state == "failed" for path in attempts if path.name in there)
+    return done, sum(Run(path).recorded_status.get("state") == "failed" for path in attempts if path.name in there)
 
 
-def one_job(cfg: Any, name_of: Callable[[Plain], str], work: Callable[[Path, Plain, dict[str, Any]], None]) -> None:
+Work = Callable[[Path, Plain, dict[str, Any]], None]
+
+
+def do_job(cfg: Any, study_of: Callable[[str], tuple[Callable[[Plain], str], Work]]) -> None:
     """Do one job of a study, in the process that the launcher gives it.
 
-    cfg: what Hydra knows of the job: its name. name_of: from a configuration to the name of its run, which must still
-    be that of the job. work: does the job; it gets a folder, which is renamed afterwards, the file of the job, and
-    facts for `provenance.json`.
+    cfg: what Hydra knows of the job: its name. study_of: from the name of a study to what names a job, and what does
+    it. The former must still give the name of the job; the latter gets a folder, which is renamed afterwards, the file
+    of the job, and facts for `provenance.json`.
     """
     attempt = hydra.output_folder()
     folder, run = attempt.parents[1], str(cfg.job)
@@ -215,7 +207,9 @@ def one_job(cfg: Any, name_of: Callable[[Plain], str], work: Callable[[Path, Pla
         return
     listed = Run(folder).json(_LIST)
     try:
-        work(attempt, read_job(folder, run, name_of), {"command_line": listed["command_line"], "sweep": listed["name"]})
+        name_of, work = study_of(listed["name"])
+        facts = {"command_line": listed["command_line"], "sweep": listed["name"]}
+        work(attempt, read_job(folder, run, name_of), facts)
     except Exception:
         if listed["fail_fast"]:
             stop.touch()
@@ -240,21 +234,3 @@ def read_job(folder: Path, run: str, name_of: Callable[[Plain], str]) -> Plain:
     if now != run:
         raise JobFailedError(f"{run}: the genome or the program has changed since the study began")
     return job
-
-
-def _write_jobs(study: RunFolder, facts: dict[str, Any], jobs: Sequence[Job], missing: Sequence[Job]) -> None:
-    """Write what the jobs read: a file for each that is missing, and a list of them all."""
-    for job in missing:  # the next call would write them anew, so they need not last; there may be ten thousand
-        content = json.dumps({"overrides": job.overrides, "config": job.config}).encode()
-        write_atomic(study.path / _JOBS / f"{job.run}.json", content, lasting=False)
-    study.write(_LIST, as_json({"schema": SCHEMA, **facts, "jobs": [job.run for job in jobs]}))
-
-
-def _arguments(folder: Path, missing: Sequence[Job], launcher: list[str], stamp: str) -> list[str]:
-    return [
-        f"job={','.join(job.run for job in missing)}",
-        *launcher,
-        f"hydra.sweep.dir={quoted(str(folder.absolute()))}",  # a worker may have been started elsewhere
-        f'hydra.sweep.subdir="{UNFINISHED}/{stamp}_${{hydra.job.num}}"',
-        "--multirun",
-    ]

@@ -5,16 +5,13 @@ import itertools
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
-from epuckhebb.adaptation.controller import GA_ALONE
 from epuckhebb.analysis import leaderboard as board
 from epuckhebb.analysis.leaderboard import EVOLVED, PLAIN, POST_HOC, Row
 from epuckhebb.config import (
-    REVERSAL_TASK,
     EvaluateConfig,
     EvolveConfig,
-    LeaderboardConfig,
-    Method,
     Plain,
     alternatives,
     check_wheel_gain,
@@ -29,10 +26,15 @@ from epuckhebb.runs import compile_for, prepare_evolution
 from epuckhebb.runtime import ConfigError
 from epuckhebb.studies.champions import evaluation_in, in_training_world, job_of, world_named
 from epuckhebb.studies.jobs import Job
+from epuckhebb.studies.methods import REVERSAL_TASK, Method
+from epuckhebb.tmaze.individual import GA_ALONE
 from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.scenario import TRAINED, Scenario
 from epuckhebb.tmaze.task import Task
+
+if TYPE_CHECKING:
+    from epuckhebb.studies.leaderboard import Leaderboard
 
 REVERSAL = board.REVERSAL
 _NAMES = re.compile(r"[^\[\],\s'\"]+")  # in a value of a sweep, one or a list of them
@@ -83,7 +85,7 @@ class Planner:
     """Makes the entries of an experiment, each after those that it needs."""
 
     def __init__(
-        self, config: LeaderboardConfig, config_dir: str | None, experiment: str, tests: dict[str, Scenario]
+        self, config: "Leaderboard", config_dir: str | None, experiment: str, tests: dict[str, Scenario]
     ) -> None:
         self._config, self._config_dir, self._experiment, self._tests = config, config_dir, experiment, tests
         self._training_world = TRAINED.get(experiment, TRAINED["obstacles"])
@@ -146,7 +148,7 @@ class Planner:
             method=method,
             row=row,
             champions=champions,
-            tests={seed: self._test(method, tested, champion.run) for seed, champion in champions.items()},
+            tests={seed: self._test(method, tested, champion.run, seed) for seed, champion in champions.items()},
             before=over.champions if over and method.evolve else {},
             config=config,
             task=evolved.world.task,
@@ -182,11 +184,15 @@ class Planner:
 
     def _evolution(self, method: Method, config: Plain, over: Entry | None, seed: int) -> Job:
         words = [*method.overrides("evolve"), f"seed={seed}"]
-        return job_of(words, {**config, "seed": seed}, champion=over.champions[seed].run if over else "")
+        purpose = f"evolve {method.name}, {self._experiment}, seed {seed}"
+        champion = over.champions[seed].run if over else ""
+        return job_of(words, {**config, "seed": seed}, champion=champion, purpose=purpose)
 
-    def _test(self, method: Method, config: Plain, champion: str) -> Job:
+    def _test(self, method: Method, config: Plain, champion: str, seed: int) -> Job:
         words, worlds = [f"genome={champion}", *method.overrides("evaluate")], [self._training_world, *self._tests]
-        return job_of(words, config, champion=champion, worlds=worlds, config_dir=self._config_dir)
+        purpose = f"test {method.name}, {self._experiment}, seed {seed}"
+        more = {"worlds": worlds, "config_dir": self._config_dir}
+        return job_of(words, config, champion=champion, purpose=purpose, **more)
 
 
 def _check_control(config: EvolveConfig, matched_control: Entry, *, is_plain: bool) -> None:

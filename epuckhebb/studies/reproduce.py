@@ -1,32 +1,50 @@
-"""`epuckhebb reproduce`: a study that evolves champions, evaluates each, and reports which of the paper's claims hold.
+"""`epuckhebb reproduce`: evolves champions, evaluates each, and reports which of the paper's claims hold."""
 
-The folder is named by the settings, so the same command resumes it; see `epuckhebb.studies.jobs`.
-"""
-
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
+import functools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
 import yaml
-from matplotlib.figure import Figure
 
-from epuckhebb.analysis import report, reproduction
-from epuckhebb.analysis.tables import code
-from epuckhebb.config import EvaluateConfig, EvolveConfig, ReproduceConfig, from_values, load, part_from, settings
+from epuckhebb.analysis import findings, reproduction
+from epuckhebb.analysis.tables import Table, code
+from epuckhebb.config import EvaluateConfig, EvolveConfig, check_counts, from_values, load, part_from, register
 from epuckhebb.controller.network import PAPER_NETWORK
+from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.runs import prepare_evolution
 from epuckhebb.runtime import ConfigError, data_folder
-from epuckhebb.store import Genome, Run, RunFolder, fingerprint, load_genome
-from epuckhebb.studies.champions import champion_job, in_training_world, job_of
-from epuckhebb.studies.jobs import Job, folder_and_launcher, launch_in_turn, open_study, split, todo, write_report
+from epuckhebb.store import Genome, Run, load_genome
+from epuckhebb.studies.champions import ChampionStudy, in_training_world, job_of
+from epuckhebb.studies.jobs import Job, split, todo
+from epuckhebb.studies.study import Planned, prepare
+from epuckhebb.tmaze.fitness import Signal
 from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.robot import EPUCK
 from epuckhebb.tmaze.scenario import TRAINED, Scenario
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 EXPERIMENTS = {"light": ("light",), "obstacles": ("obstacles",), "all": ("light", "obstacles")}
 QUICK = ("champions=3", "repeats=3", "rates=[0.000015,0.002]")
+
+
+class LiveFitness(Enum):
+    """Which live fitness a reproduction uses: as the paper says, or as each of its two programs does."""
+
+    paper = "paper"
+    as_coded = "as_coded"
+
+    def of(self, experiment: str) -> Signal:
+        """The signal of an experiment."""
+        if self is LiveFitness.paper:
+            return Signal.behaviour
+        return Signal.light_code if experiment == "light" else Signal.lifetime_mean
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,127 +57,166 @@ class _Champion:
     test: Job
 
 
-def reproduce(experiment: str, arguments: list[str], *, quick: bool) -> Path:
-    """Do what is missing and write the report; returns its folder. arguments: overrides, of the study and of Hydra."""
+@register
+@dataclass(kw_only=True)
+class Reproduction(ChampionStudy):
+    """The study, with all keys of `epuckhebb reproduce`. experiments: of the paper, which the command names."""
+
+    command: ClassVar[str] = "reproduce"
+    reference: ClassVar[str] = "reproduce"
+    champions: int = 20
+    first_seed: int = 1
+    seed: int = 1
+    repeats: int = 10
+    rates: list[float] = field(default_factory=list)
+    signal: LiveFitness = LiveFitness.paper
+    genome: str | None = None
+    threads: int = 0
+    ga: GA = field(default_factory=GA)
+    physics: dict[str, Any] = field(default_factory=lambda: {"kind": PYMUNK.name})
+
+    def __post_init__(self) -> None:
+        """Validate the settings."""
+        self.experiments = "all"
+        check_counts(vars(self))
+        for rate in self.rates:
+            if not (math.isfinite(rate) and rate > 0):
+                raise ValueError(f"rates must be numbers above 0 (0 is always run, as the GA alone), got {rate}")
+
+    @property
+    def label(self) -> str:
+        """See `Study`."""
+        who = self.given.name if self.given else f"champions{self.champions}"
+        return f"{self.experiments}_{who}_seed{self.first_seed}"
+
+    @functools.cached_property
+    def given(self) -> Genome | None:
+        """The genome in place of champions; it must be for the paper's robot and network."""
+        if self.genome is None:
+            return None
+        genome = load_genome(self.genome, "obstacles")
+        if (genome.network, genome.robot) != (PAPER_NETWORK, EPUCK.name):
+            raise ConfigError(
+                f"genome={self.genome} is for robot {genome.robot} and a network of layers {genome.network}; the "
+                f"paper's are {EPUCK.name} and {PAPER_NETWORK}"
+            )
+        return genome
+
+    @functools.cached_property
+    def planned(self) -> list[_Champion]:
+        """The champions, in the order of the tables."""
+        return [champion for one in EXPERIMENTS[self.experiments] for champion in self._champions(one)]
+
+    def stages(self) -> list[tuple[str, list[Job]]]:
+        """See `Study`."""
+        evolutions, tests = [one.evolution for one in self.planned if one.evolution], [one.test for one in self.planned]
+        named = (("evolve champions", evolutions), ("evaluate champions", tests))
+        return [(what, jobs) for what, jobs in named if jobs]
+
+    def _champions(self, experiment: str) -> Iterator[_Champion]:
+        training, shared = TRAINED[experiment], {"threads": self.threads, "physics": self.physics}
+        evolving = load(EvolveConfig, [f"scenario={training}"]).values | {"ga": self.values["ga"]} | shared
+        testing = in_training_world(training).values | {"seed": self.seed, "repeats": self.repeats} | shared
+        how: dict[str, Any] = {"worlds": reproduction.worlds(experiment), "experiment": experiment, "rates": self.rates}
+        how |= {"signal": self.signal.of(experiment).name}
+        if self.given:
+            facts = {"name": self.given.name, "sha256": self.given.sha256}
+            test = job_of([], testing | {"genome": self.genome}, **how, **facts)
+            yield _Champion(experiment=experiment, name=self.given.name, evolution=None, test=test)
+            return
+        prepare_evolution(from_values(evolving, EvolveConfig, "reproduce"))
+        for seed in range(self.first_seed, self.first_seed + self.champions):
+            name = f"{experiment}_seed{seed:03d}"
+            evolution = job_of([f"scenario={training}", f"seed={seed}"], evolving | {"seed": seed})
+            test = job_of([f"genome={evolution.run}"], testing, champion=evolution.run, **how, name=name)
+            yield _Champion(experiment=experiment, name=name, evolution=evolution, test=test)
+
+    @classmethod
+    def stored(cls, run: Run) -> "Reproduction":
+        """See `Study`."""
+        study = super().stored(run)
+        study.experiments = run.provenance["command_line"][2]
+        return study
+
+    def tables(self, runs: Sequence[Run]) -> dict[str, pd.DataFrame]:
+        """See `Study`."""
+        tests = runs[-len(self.planned) :]
+        metrics = pd.concat([run.table("metrics.csv") for run in tests], ignore_index=True)
+        return reproduction.tables_of(metrics, _paper(), given=self.given is not None)
+
+    def figures(self, run: Run) -> dict[str, "Figure"]:
+        """See `Study`; the champions that are shown run again."""
+        if todo(run.path, [one.test for one in self.planned]):
+            raise ConfigError(f"{run.path} was made by another version of the program; run it again")
+        shown, histories = dict[str, Any](), dict[str, list[pd.DataFrame]]()
+        for one, (best, *_) in _showcases(run).items():
+            if self.given:
+                shown[one] = best, self.given.genes
+                continue
+            own = {each.name: run.path / each.evolution.run for each in self.planned if each.evolution}
+            own = {name: path for name, path in own.items() if name.startswith(one)}
+            shown[one] = best, load_genome(str(own[best]), one).genes
+            histories[one] = [Run(path).table("history.csv") for path in own.values()]
+
+        def world(scenario: str) -> tuple[Scenario, Lifetime]:
+            there = load(EvaluateConfig, [f"scenario={scenario}"])
+            return replace(there.world, physics=part_from("physics", self.physics, "physics")), there.lifetime
+
+        doses = run.table("dose_response.csv"), run.table("rescue_and_harm.csv")
+        signals = {one: self.signal.of(one) for one in shown}
+        return reproduction.figures_of(doses, shown, signals, world, histories, self.seed)
+
+    def page(self, run: Run, captions: Mapping[str, str]) -> str:
+        """See `Study`."""
+        last = self.first_seed + self.champions - 1
+        who = f"{self.champions} champions of each experiment, evolved from seeds {self.first_seed} to {last}"
+        if self.given:
+            who = f"genome {code(self.given.name)} (SHA-256 {self.given.sha256[:16]}…)"
+        names = ["claims", "success", "rescue_and_harm", "retention", "comparison"]
+        names += ["repeats"] if self.given else []
+        return reproduction.markdown(
+            {name: run.table(f"{name}.csv") for name in names},
+            _paper(),
+            _showcases(run),
+            captions,
+            champions=1 if self.given else self.champions,
+            repeats=self.repeats,
+            given=self.given is not None,
+            provenance=f"Made by `epuckhebb reproduce`: {who}; {self.repeats} repeats of every condition "
+            f"(seed {self.seed}); live fitness: {self.signal.value}; physics: {self.physics['kind']}.",
+        )
+
+    @classmethod
+    def shown(cls, run: Run) -> list[Table]:
+        """See `Study`."""
+        return [reproduction.claims_table(run.table("claims.csv")).only(0, 1, 2, 3, text=3)]
+
+    @classmethod
+    def in_short(cls, run: Run) -> str:
+        """See `Study`: how many claims hold."""
+        claims = run.table("claims.csv")
+        claims = claims[~claims.verdict.str.startswith("check")]
+        return f"{(claims.verdict == 'holds').sum()} of {len(claims)} claims hold"
+
+
+def plan(experiment: str, arguments: list[str], *, quick: bool = False) -> Planned:
+    """Plan the study. experiment: one of `EXPERIMENTS`. arguments: overrides, of the study and of Hydra."""
     if experiment not in EXPERIMENTS:
         raise ConfigError(f"reproduce {experiment}: the experiment must be one of {', '.join(EXPERIMENTS)}")
     own, of_hydra = split("reproduce", arguments)
-    config, experiments = load(ReproduceConfig, [*(QUICK if quick else ()), *own]), EXPERIMENTS[experiment]
-    given = None if config.genome is None else _given(config.genome)
-    champions = [champion for one in experiments for champion in _planned(config, one, given)]
-    evolutions, tests = [one.evolution for one in champions if one.evolution], [one.test for one in champions]
-    stages = [(f"{what} champions", jobs) for what, jobs in (("evolve", evolutions), ("evaluate", tests)) if jobs]
-    folder, launcher = folder_and_launcher(of_hydra, _folder(experiment, config, given), len(evolutions) + 1)
-    words = [experiment, *(["--quick"] if quick else []), *arguments]
-    with open_study(folder, "reproduce", config, words, [*evolutions, *tests]) as study:
-        launch_in_turn(study, stages, launcher, champion_job)
-        _report(study, config, champions, given)
-    return folder
+    study = load(Reproduction, [*(QUICK if quick else ()), *own])
+    study.experiments = experiment
+    return prepare(study, of_hydra, [experiment, *(["--quick"] if quick else []), *arguments])
 
 
-def _given(where: str) -> Genome:
-    """The genome in place of champions; it must be for the paper's robot and network."""
-    genome = load_genome(where, "obstacles")
-    if (genome.network, genome.robot) != (PAPER_NETWORK, EPUCK.name):
-        raise ConfigError(
-            f"genome={where} is for robot {genome.robot} and a network of layers {genome.network}; the paper's are "
-            f"{EPUCK.name} and {PAPER_NETWORK}"
-        )
-    return genome
+def _showcases(run: Run) -> dict[str, tuple[str, int, int]]:
+    return reproduction.showcases(findings.trials(run.table("metrics.csv")), _paper())
 
 
-def _planned(config: ReproduceConfig, experiment: str, given: Genome | None) -> Iterator[_Champion]:
-    """The champions of an experiment, in the order of the tables."""
-    training, threads = TRAINED[experiment], {"threads": config.threads, "physics": config.physics}
-    evolving = load(EvolveConfig, [f"scenario={training}"]).values | {"ga": config.values["ga"]} | threads
-    testing = in_training_world(training).values | {"seed": config.seed, "repeats": config.repeats} | threads
-    how: dict[str, Any] = {"worlds": reproduction.worlds(experiment), "experiment": experiment, "rates": config.rates}
-    how |= {"signal": config.signal.of(experiment).name}
-    if given:
-        test = job_of([], testing | {"genome": config.genome}, **how, name=given.name, sha256=given.sha256)
-        yield _Champion(experiment=experiment, name=given.name, evolution=None, test=test)
-        return
-    prepare_evolution(from_values(evolving, EvolveConfig, "reproduce"))
-    for seed in range(config.first_seed, config.first_seed + config.champions):
-        name = f"{experiment}_seed{seed:03d}"
-        evolution = job_of([f"scenario={training}", f"seed={seed}"], evolving | {"seed": seed})
-        test = job_of([f"genome={evolution.run}"], testing, champion=evolution.run, **how, name=name)
-        yield _Champion(experiment=experiment, name=name, evolution=evolution, test=test)
-
-
-def _folder(experiment: str, config: ReproduceConfig, given: Genome | None) -> Path:
-    """The folder of these settings; other settings, or another version of the science, have another folder."""
-    depends = {key: value for key, value in config.values.items() if key not in ("threads", "genome")}
-    digest = fingerprint(depends | {"experiment": experiment}, given)[:8]
-    who = given.name if given else f"champions{config.champions}"
-    return Path("runs") / "reproduce" / f"{experiment}_{who}_seed{config.first_seed}_{digest}"
-
-
-def figures(path: Path) -> dict[str, Figure]:
-    """The figures of a finished reproduction by the names of their files, drawn again."""
-    config = from_values(settings(Run(path).config_file), ReproduceConfig, str(path))
-    given = None if config.genome is None else _given(config.genome)
-    champions = [
-        champion
-        for experiment in Run(path).table("claims.csv").experiment.unique()
-        for champion in _planned(config, experiment, given)
-    ]
-    if todo(path, [one.test for one in champions]):
-        raise ConfigError(f"{path} was made by another version of the program; run it again")
-    found, _ = _findings(path, config, champions, given)
-    return {name: figure for name, (_, figure) in _figures(path, config, champions, given, found).items()}
-
-
-def _figures(
-    folder: Path, config: ReproduceConfig, champions: list[_Champion], given: Genome | None, found: report.Findings
-) -> dict[str, tuple[str, Figure]]:
-    shown, histories = dict[str, Any](), dict[str, list[pd.DataFrame]]()
-    for one in found.showcase:
-        evolutions = {champion.name: champion.evolution for champion in champions if champion.experiment == one}
-        runs = {name: Run(folder / job.run) for name, job in evolutions.items() if job}
-        best = found.showcase[one][0]
-        shown[one] = given.genes if given else load_genome(str(runs[best].path), one).genes
-        if runs:
-            histories[one] = [run.table("history.csv") for run in runs.values()]
-    signals = {one: config.signal.of(one) for one in shown}
-
-    def world(scenario: str) -> tuple[Scenario, Lifetime]:
-        there = load(EvaluateConfig, [f"scenario={scenario}"])
-        return replace(there.world, physics=part_from("physics", config.physics, "physics")), there.lifetime
-
-    return reproduction.figures_of(found, shown, signals, world, histories, config.seed)
-
-
-def _report(study: RunFolder, config: ReproduceConfig, champions: list[_Champion], given: Genome | None) -> None:
-    """Write the tables, the figures and the report over all lifetimes."""
-    found, tables = _findings(study.path, config, champions, given)
-    for name, table in tables.items():
-        study.write(f"{name}.csv", table)
-    made = _figures(study.path, config, champions, given, found)
-    text = report.markdown(found, {name: caption for name, (caption, _) in made.items()})
-    drawn = {name: figure for name, (_, figure) in made.items()}
-    write_report(study, text, drawn, "epuckhebb: the paper's experiment, reproduced")
-
-
-def _findings(
-    folder: Path, config: ReproduceConfig, champions: list[_Champion], given: Genome | None
-) -> tuple[report.Findings, dict[str, pd.DataFrame]]:
-    """The findings, and all tables by their names."""
-    last = config.first_seed + config.champions - 1
-    who = f"{config.champions} champions of each experiment, evolved from seeds {config.first_seed} to {last}"
-    if given:
-        who = f"genome {code(given.name)} (SHA-256 {given.sha256[:16]}…)"
-    count = 1 if given else config.champions
-    paper: Mapping[str, Any] = yaml.safe_load(
+@functools.cache
+def _paper() -> Mapping[str, Any]:
+    """The published tables."""
+    tables: Mapping[str, Any] = yaml.safe_load(
         (data_folder("conf") / "paper" / "tables.yaml").read_text(encoding="utf-8")
     )
-    return reproduction.findings_of(
-        pd.concat([Run(folder / one.test.run).table("metrics.csv") for one in champions], ignore_index=True),
-        paper,
-        dict.fromkeys([one.experiment for one in champions], count),  # else a job would have failed
-        champions=count,
-        given=given is not None,
-        repeats=config.repeats,
-        provenance=f"Made by `epuckhebb reproduce`: {who}; {config.repeats} repeats of every condition "
-        f"(seed {config.seed}); live fitness: {config.signal.value}; physics: {config.physics['kind']}.",
-    )
+    return tables

@@ -7,51 +7,105 @@ folder of that name is its result. The folder of a sweep is named by its jobs, s
 import csv
 import io
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
 
-from epuckhebb.analysis import rescue, summary
+from epuckhebb.analysis import summary
 from epuckhebb.analysis.lifetimes import Evaluated, Gathered, gather, repeated
-from epuckhebb.config import EvaluateConfig, Plain, alternatives, check_words, combinations, from_values, swept_values
+from epuckhebb.analysis.tables import Table
+from epuckhebb.config import (
+    EvaluateConfig,
+    OwnFile,
+    Plain,
+    alternatives,
+    check_words,
+    combinations,
+    from_values,
+    swept_values,
+)
 from epuckhebb.runs import evaluate_into, hydra
 from epuckhebb.runtime import ConfigError, say
 from epuckhebb.store import Run, RunFolder, as_bytes, digest, write_atomic
 from epuckhebb.studies import identity
-from epuckhebb.studies.jobs import Job, Outcome, folder_and_launcher, launch, one_job, open_study, split
+from epuckhebb.studies.jobs import Job, Outcome, split
+from epuckhebb.studies.study import Planned, Study, prepare
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _JOB_S, _STEP_S = 0.3, 1e-6  # CPU time of a job besides its lifetimes, and of a step of a robot: docs/scale.md
 _STEP_IN_3D_S = 21e-6  # docs/ode.md
 
 
-def evaluate_job(cfg: Any) -> None:
-    """Do one evaluation of a study."""
-    one_job(cfg, identity.Identities().of, _evaluate)
+class Sweep(Study):
+    """A named sweep, whose jobs are evaluations. cpu_s: about how long each run takes on one core [s]."""
+
+    reference: ClassVar[str] = "sweep"
+    reports_failures: ClassVar[bool] = True
+    result: ClassVar[str] = "summary.csv"
+    config_text = None
+
+    def __init__(self, name: str, jobs: list[Job], cpu_s: dict[str, float]) -> None:
+        self.name, self.jobs, self.cpu_s = name, jobs, cpu_s
+
+    @classmethod
+    def name_of(cls, job: Plain) -> str:
+        """See `Study`."""
+        return identity.Identities().of(job)
+
+    @classmethod
+    def work(cls, path: Path, job: Plain, facts: dict[str, Any]) -> None:
+        """See `Study`."""
+        config = from_values(job["config"], EvaluateConfig, f"job {path}")
+        evaluate_into(path, config, job["overrides"], facts, threads=hydra.threads_of_job(config.threads))
+
+    @classmethod
+    def stored(cls, run: Run) -> "Sweep":  # noqa: ARG003  # others need it
+        """See `Study`."""
+        return cls("", [], {})
+
+    @property
+    def own(self) -> Mapping[Path, OwnFile]:
+        """See `Study`; each job has its own."""
+        return {}
+
+    def stages(self) -> list[tuple[str, list[Job]]]:
+        """See `Study`."""
+        return [(f"sweep {self.name}", self.jobs)]
+
+    def folder(self, jobs: Sequence[Job]) -> Path:
+        """See `Study`."""
+        settings = digest([digest(identity.settings(job.config)) for job in jobs])
+        return Path("runs") / "sweep" / f"{self.name}_{settings[:8]}"
+
+    def report(self, folder: RunFolder, planned: Planned, outcome: Outcome) -> None:
+        """Write `sweep.csv`, `failed.csv` and the tables over all; the same jobs give bit-identical files."""
+        failed = [{**_place(job), **job.settings, "error": error} for job, error in outcome.failures]
+        folder.write("failed.csv", pd.DataFrame(failed, columns=list(failed[0]) if failed else ["job", "run", "error"]))
+        gathered = gather([_evaluated(folder.path / job.run, job.settings, _place(job)) for job in outcome.done])
+        folder.write("sweep.csv", gathered.rows)
+        _write_over_all(folder.path, folder.write, gathered)
+        folder.failure = planned.failure(outcome)
+
+    def figures(self, run: Run) -> dict[str, "Figure"]:
+        """See `Study`."""
+        return figures(run)
+
+    @classmethod
+    def shown(cls, run: Run) -> list[Table]:
+        """See `Study`."""
+        files = {name: f"{name}.csv" for name in ("summary", "over_champions", "rescue_over_all")}
+        return summary.readable({name: run.table(file) for name, file in files.items() if run.has(file)})
+
+    @classmethod
+    def in_short(cls, run: Run) -> str:
+        """See `Study`: how many rows the summary has."""
+        return f"success of {len(run.table('summary.csv'))} conditions, controllers and sides"
 
 
-def _evaluate(path: Path, job: Plain, facts: dict[str, Any]) -> None:
-    config = from_values(job["config"], EvaluateConfig, f"job {path}")
-    evaluate_into(path, config, job["overrides"], facts, threads=hydra.threads_of_job(config.threads))
-
-
-@dataclass(frozen=True, kw_only=True)
-class Sweep:
-    """A named sweep: its jobs, its folder, the arguments of its command, and those for Hydra's launcher.
-
-    cpu_s: about how long each run takes on one core [s].
-    """
-
-    name: str
-    jobs: list[Job]
-    cpu_s: dict[str, float]
-    folder: Path
-    arguments: list[str]
-    launcher: list[str]
-
-
-def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Sweep:
+def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Planned:
     """List the jobs of a sweep, each composed and checked; two that would do the same are one."""
     own, of_hydra = split("sweep", arguments)
     check_words("evaluate", arguments, several=True)
@@ -60,8 +114,7 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Swee
     params = swept_values([*named, *no_launcher], config_dir)
     if not params:
         raise ConfigError(f"experiment={name} has no hydra.sweeper.params: it is one job, for `epuckhebb evaluate`")
-    swept = [f"{key}={values}" for key, values in params.items()]
-    choices = alternatives([*swept, *own])
+    choices = alternatives([*(f"{key}={values}" for key, values in params.items()), *own])
     listed: dict[str, Job] = {}
     again: list[Job] = []
     identities, cpu_s = identity.Identities(), dict[str, float]()
@@ -72,42 +125,10 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Swee
         job = Job(number=len(listed), overrides=[*named, *overrides], run=run, config=config)
         if listed.setdefault(run, job) is not job:
             again.append(job)
-    jobs = list(listed.values())
     if again:
         say(repeated(len(again), again[0].settings, listed[again[0].run].settings))
-    settings = digest([digest(identity.settings(job.config)) for job in jobs])
-    usual = Path("runs") / "sweep" / f"{name}_{settings[:8]}"
-    folder, launcher = folder_and_launcher(of_hydra, usual, len(jobs))
-    words_typed = [name, *arguments, *(["--config-dir", config_dir] if config_dir else [])]
-    return Sweep(name=name, jobs=jobs, cpu_s=cpu_s, folder=folder, arguments=words_typed, launcher=launcher)
-
-
-def sweep(planned: Sweep, *, fail_fast: bool) -> Outcome:
-    """Do the jobs that are not done, then write the tables over all that are."""
-    with open_study(planned.folder, "sweep", None, planned.arguments, planned.jobs) as study:
-        outcome = launch(study, planned.name, planned.jobs, planned.launcher, evaluate_job, fail_fast=fail_fast)
-        _write_tables(study, outcome.done, outcome.failures)
-        study.remove_stale()  # an earlier sweep of other jobs may have used the folder
-        study.failure = failure_of(planned, outcome)
-    return outcome
-
-
-def failure_of(planned: Sweep, outcome: Outcome) -> str:
-    """What failed, in short; "" if nothing did."""
-    if not outcome.failures:
-        return ""
-    left = f", {outcome.left} left out" if outcome.left else ""
-    return f"{len(outcome.failures)} of the sweep{left}; {planned.folder}/failed.csv has all. {outcome.failures[0][1]}"
-
-
-def _write_tables(study: RunFolder, done: Sequence[Job], failures: Sequence[tuple[Job, str]]) -> None:
-    """Write `sweep.csv`, `summary.csv` and `failed.csv`; the same jobs give bit-identical files."""
-    failed = [{**_place(job), **job.settings, "error": error} for job, error in failures]
-    failed_columns = list(failed[0]) if failed else ["job", "run", "error"]
-    study.write("failed.csv", pd.DataFrame(failed, columns=failed_columns))
-    gathered = gather([_evaluated(study.path / job.run, job.settings, _place(job)) for job in done])
-    study.write("sweep.csv", gathered.rows)
-    _write_over_all(study.write, gathered)
+    typed = [name, *arguments, *(["--config-dir", config_dir] if config_dir else [])]
+    return prepare(Sweep(name, list(listed.values()), cpu_s), of_hydra, typed)
 
 
 def write_summary_of_multirun(folder: Path, finished: Sequence[Path]) -> None:
@@ -117,10 +138,21 @@ def write_summary_of_multirun(folder: Path, finished: Sequence[Path]) -> None:
         for number, path in enumerate(finished)
     ]
     gathered = gather([_evaluated(folder / job.run, job.settings, {}) for job in jobs])
-    _write_over_all(lambda name, content: write_atomic(folder / name, as_bytes(content)), gathered)
+    _write_over_all(folder, lambda name, content: write_atomic(folder / name, as_bytes(content)), gathered)
 
 
-def _write_over_all(write: Callable[[str, bytes | str | pd.DataFrame], None], gathered: Gathered) -> None:
+def figures(run: Run) -> dict[str, "Figure"]:
+    """The figures of the tables over all lifetimes in a folder of a sweep or a multirun."""
+    from epuckhebb.analysis import charts  # matplotlib takes a while to load
+
+    drawn = {"dose_response": ("doses.csv", charts.rates), "rescue_and_harm": (_RESCUE, charts.rescue_over_all)}
+    return {name: draw(run.table(file)) for name, (file, draw) in drawn.items() if run.has(file)}
+
+
+_RESCUE = "rescue_over_all.csv"
+
+
+def _write_over_all(folder: Path, write: Callable[[str, bytes | str | pd.DataFrame], None], gathered: Gathered) -> None:
     """Write the tables, the page and the figures over all lifetimes, and say what else a reader must know."""
     rows, settings = gathered.rows, gathered.settings
     write("summary.csv", summary.summary(rows, settings))
@@ -130,24 +162,20 @@ def _write_over_all(write: Callable[[str, bytes | str | pd.DataFrame], None], ga
         return
     if summary.has_champions(rows):
         write("over_champions.csv", summary.over_champions(rows, settings))
-    doses = summary.dose_response(rows, settings)
-    if doses:
-        write("figures/dose_response.png", _image(doses))
-    found = summary.rescue_and_harm(rows)
-    if found is not None:
-        tables, page, figure = found
+    if (doses := summary.dose_response(rows, settings)) is not None:
+        write("doses.csv", doses)
+    if (found := summary.rescue_and_harm(rows)) is not None:
+        tables, page = found
         for name, table in tables.items():
             write(f"{name}.csv", table)
         write("report.md", page)
-        write(f"figures/{rescue.FIGURE}", _image(figure))
     elif missing := summary.no_rescue(rows, settings):
         say(missing)
+    if doses is not None or found is not None:
+        from epuckhebb.analysis.image import image  # matplotlib takes a while to load
 
-
-def _image(figure: Any) -> bytes:
-    from epuckhebb.analysis.image import image  # matplotlib takes a while to load
-
-    return image(figure)
+        for name, figure in figures(Run(folder)).items():
+            write(f"figures/{name}.png", image(figure))
 
 
 def _evaluated(path: Path, settings: Mapping[str, str], place: Mapping[str, str]) -> Evaluated:

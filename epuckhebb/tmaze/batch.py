@@ -5,21 +5,19 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from epuckhebb.adaptation.change_signal import no_nominal
-from epuckhebb.adaptation.controller import GA_ALONE, Controller
-from epuckhebb.adaptation.homeostasis import no_patterns
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import HIDDEN, Network
 from epuckhebb.controller.own_class import OwnClass, is_own
 from epuckhebb.controller.plasticity.rule import NoRule, Rule
 from epuckhebb.controller.plasticity.rules.paper import Paper
+from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.outcome import Outcome
 from epuckhebb.tmaze.own_sensor import own_sensors
 from epuckhebb.tmaze.robot import OUTPUTS, STEP_S
 from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.session import Individual, Session
+from epuckhebb.tmaze.session import Session
 from epuckhebb.tmaze.simulator import Simulator
 
 _TRIED_S = 8.0  # of a lifetime that is run twice
@@ -78,7 +76,6 @@ def load_kernel(
         controller=controller,
         network=net,
         signs=np.ones(net.synapses),
-        nominal=no_patterns(no_nominal(world.robot.inputs), world.robot.light.count),
         key=np.uint64(0),
         record=bool(own),
     )

@@ -113,7 +113,7 @@ def light_code(readings: Floats, left: float, right: float) -> float:
 
 @compiled
 def live_fitness(
-    plasticity: Any, tally: Any, readings: Floats, left: float, right: float, behaviour: float, step: int
+    setup: Any, tally: Any, readings: Floats, left: float, right: float, behaviour: float, step: int
 ) -> float:
     """The live fitness F that scales plasticity at this step.
 
@@ -122,7 +122,7 @@ def live_fitness(
     trial, after a history. light_code: see there. fitness: the value of the step by the user's own fitness, which the
     lifetime puts in place of the result.
     """
-    signal, history = plasticity.signal, plasticity.history
+    signal, history = setup.signal, setup.history
     if signal == _FINAL:
         return (behaviour + reward(tally.goal_distance)) / 2.0
     if signal == _LIFETIME_MEAN:

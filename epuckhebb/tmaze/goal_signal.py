@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.controller.compiling.kernel import compiled
 from epuckhebb.controller.random import uniform
-from epuckhebb.controller.ranges import check_range
+from epuckhebb.controller.ranges import check, within
 from epuckhebb.tmaze.robot import STEP_S
 
 LONGEST_DELAY_S = 10.0
@@ -30,17 +30,14 @@ class GoalSignal:
     time on that is drawn evenly up to this [s], wherever the robot is.
     """
 
-    delay_s: float = 0.0
-    every_s: float = 0.0
-    false_share: float = 0.0
-    radius_ratio: float = 1.0
-    chance_s: float = 0.0
+    delay_s: float = within(0, LONGEST_DELAY_S, default=0.0)
+    every_s: float = within(0, default=0.0)
+    false_share: float = within(0, 1, default=0.0)
+    radius_ratio: float = within(0, above=True, default=1.0)
+    chance_s: float = within(0, default=0.0)
 
     def __post_init__(self) -> None:
-        check_range(self, "scenario.goal_signal", "delay_s", most=LONGEST_DELAY_S)
-        check_range(self, "scenario.goal_signal", "every_s", "chance_s")
-        check_range(self, "scenario.goal_signal", "false_share", most=1)
-        check_range(self, "scenario.goal_signal", "radius_ratio", above=True)
+        check(self, "scenario.goal_signal")
 
     def numbers(self) -> "SignalNumbers":
         """The settings for the kernel."""

@@ -11,14 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.adaptation.adaptation import AdaptationState, Gate
-from epuckhebb.adaptation.change_signal import NominalOfSide
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.weight_change import weight_change_workspace
 from epuckhebb.controller.random import noise_workspace_size
-from epuckhebb.controller.ranges import check_range
+from epuckhebb.controller.ranges import check, within
 from epuckhebb.controller.wiring import NO_NEURONS, Neurons
 from epuckhebb.tmaze.faults import Faults, initial_past
 from epuckhebb.tmaze.fitness import History
@@ -85,24 +83,13 @@ class Lifetime:
     noise, 0 for none, other values scale it. record_every: steps between two recorded samples, 0 to record nothing.
     """
 
-    duration_s: float = 250.0
-    gain_rad_s: float = 1.0
-    noise: float = 1.0
-    record_every: int = 0
+    duration_s: float = within(STEP_S, _LONGEST_S, default=250.0)
+    gain_rad_s: float = within(0, above=True, default=1.0)
+    noise: float = within(0, default=1.0)
+    record_every: int = within(0, _LONGEST_S / STEP_S, default=0)
 
     def __post_init__(self) -> None:
-        if not STEP_S <= self.duration_s <= _LONGEST_S:
-            raise ValueError(
-                f"lifetime.duration_s must be at least one step, {STEP_S} s, and at most {_LONGEST_S:g} s, "
-                f"got {self.duration_s}"
-            )
-        check_range(self, "lifetime", "gain_rad_s", above=True)
-        check_range(self, "lifetime", "noise")
-        if not 0 <= self.record_every <= _LONGEST_S / STEP_S:
-            raise ValueError(
-                f"lifetime.record_every must be 0 or more, and at most the steps of {_LONGEST_S:g} s, "
-                f"got {self.record_every}"
-            )
+        check(self, "lifetime")
         if self.record_every and self.steps / self.record_every > _MOST_SAMPLES:  # a slip of the unit fills the memory
             raise ValueError(
                 f"lifetime.record_every={self.record_every} would record more than {_MOST_SAMPLES:,} samples of "
@@ -169,7 +156,7 @@ class Life(NamedTuple):
     weights: Floats
     synapse_state: NDArray[np.void]
     activation: Floats
-    adaptation: AdaptationState
+    adaptation: Any
     trials: NDArray[np.void]
     score: NDArray[np.void]
     neurons: Neurons
@@ -183,7 +170,7 @@ def initial_life(
     network: Network,
     robot: Robot,
     workspace: Workspace,
-    adaptation: AdaptationState,
+    adaptation: Any,
     trials: NDArray[np.void],
     fitness: Fitness,
 ) -> Life:
@@ -245,51 +232,33 @@ def life_of(group: Group, i: int) -> Life:
     )
 
 
-class Trial(NamedTuple):
-    """What the robot is to do, and what is wrong with it.
+class Setup(NamedTuple):
+    """What stays the same while a lifetime runs in one world.
 
-    goal_x, goal_y, goal_radius: m. signal: how it is given the goal signal. arm: the region in which it has turned the
-    right way. arena: m, half side. faults: what is wrong. terms: the numbers of its task, a tuple of a type of their
-    own.
-    """
-
-    goal_x: float
-    goal_y: float
-    goal_radius: float
-    signal: SignalNumbers
-    arm: Region
-    arena: float
-    faults: Faults
-    terms: tuple[Any, ...] = ()
-
-
-class Plasticity(NamedTuple):
-    """The settings of a rule and of an adaptation, as numbers.
-
-    rate: N at the wheel gain of this lifetime. floor, signal, history: of the live fitness. numbers: all settings of
-    the rule. gate: of the adaptation.
+    rate: N at the wheel gain of this lifetime. floor, signal, history: of the live fitness. rule: the settings of the
+    rule, as numbers. adaptation: those of the adaptation. nominal: what it compares with. lit: the lights. goal_x,
+    goal_y, goal_radius: m. goal_signal: how the goal signal is given. arm: the region in which the robot has turned the
+    right way. arena: m, half side. faults: what is wrong with the robot. terms: the numbers of the task. fitness: those
+    of the fitness. gain: wheel speed [rad/s] of a network output of 1. noise_level: 1 for the sensors' own noise.
+    record_every: steps between two samples, 0 for none.
     """
 
     rate: float
     floor: float
     signal: int
     history: History
-    numbers: tuple[float, ...]
-    gate: Gate
-
-
-class Setup(NamedTuple):
-    """What stays the same while a lifetime runs in one world.
-
-    nominal: what an adaptation compares with. lit: the lights. fitness: the settings of the fitness, as numbers. gain:
-    wheel speed [rad/s] of a network output of 1. noise_level: 1 for the sensors' own noise. record_every: steps between
-    two samples, 0 for none.
-    """
-
-    plasticity: Plasticity
-    nominal: NominalOfSide
+    rule: tuple[float, ...]
+    adaptation: Any
+    nominal: Any
     lit: Lights
-    trial: Trial
+    goal_x: float
+    goal_y: float
+    goal_radius: float
+    goal_signal: SignalNumbers
+    arm: Region
+    arena: float
+    faults: Faults
+    terms: tuple[Any, ...]
     fitness: tuple[float, ...]
     gain: float
     noise_level: float

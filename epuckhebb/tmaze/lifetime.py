@@ -13,7 +13,7 @@ from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled
 from epuckhebb.controller.plasticity.update import StepContext, effective_rate
 from epuckhebb.tmaze import fitness
-from epuckhebb.tmaze.life import Group, Life, Setup, Trial, life_of
+from epuckhebb.tmaze.life import Group, Life, Setup, life_of
 from epuckhebb.tmaze.maze import Pose, Region
 from epuckhebb.tmaze.physics_engine import Handles, is_lost, pose
 from epuckhebb.tmaze.robot import STEP_S
@@ -32,27 +32,27 @@ explore = turn_wheels = move = move_all = to_goal = end_step = _part  # move
 
 def live(life: Life, setup: Setup, space: Handles, until: int) -> None:
     """Run the lifetime of the robot that stands in `space` until before step `until`. life: updated."""
-    tally, trial, at = life.tally[0], setup.trial, pose(space)
-    tally.goal_distance = to_goal(trial, at.x, at.y)
+    tally, at = life.tally[0], pose(space)
+    tally.goal_distance = to_goal(setup, at.x, at.y)
 
     for step in range(tally.step, until):
         cos, sin = math.cos(at.heading), math.sin(at.heading)
         left, right = decide(life, setup, space, NO_ROBOTS, at, cos, sin, step)
 
         # Move.
-        left, right = turn_wheels(trial.faults, tally, life.past, left, right, setup.gain, life.key, step)
+        left, right = turn_wheels(setup.faults, tally, life.past, left, right, setup.gain, life.key, step)
         move(space, cos, sin, left, right)
         before, at = at, pose(space)
-        if settle(tally, trial, before, at, step):
+        if settle(tally, setup, before, at, step):
             break
 
         # Begin again.
         if HAS_TRIALS:
-            end_step(life, space, trial)
+            end_step(life, space, setup)
             if tally.over:
                 break
             at = pose(space)
-            tally.goal_distance = to_goal(trial, at.x, at.y)
+            tally.goal_distance = to_goal(setup, at.x, at.y)
 
 
 def live_group(group: Group, setup: Setup, space: Any, until: int) -> None:
@@ -60,21 +60,21 @@ def live_group(group: Group, setup: Setup, space: Any, until: int) -> None:
 
     In a step all robots sense and decide, in their order, before any moves.
     """
-    motion, wheels, before, trial = group.motion, group.wheels, group.before, setup.trial
+    motion, wheels, before = group.motion, group.wheels, group.before
     robots, lost = motion.shape[0], False
     for step in range(group.records.tally[0][0].step, until):
         for i in range(robots):
             life, at = life_of(group, i), Pose(motion[i, 0], motion[i, 1], motion[i, 2])
             tally, cos, sin = life.tally[0], math.cos(at.heading), math.sin(at.heading)
-            tally.goal_distance = to_goal(trial, at.x, at.y)
+            tally.goal_distance = to_goal(setup, at.x, at.y)
             left, right = decide(life, setup, space, motion, at, cos, sin, step)
-            left, right = turn_wheels(trial.faults, tally, life.past, left, right, setup.gain, life.key, step)
+            left, right = turn_wheels(setup.faults, tally, life.past, left, right, setup.gain, life.key, step)
             wheels[i, 0], wheels[i, 1], wheels[i, 2], wheels[i, 3] = left, right, cos, sin
             before[i, 0], before[i, 1] = at.x, at.y
         move_all(space, motion, wheels)
         for i in range(robots):
             tally, was = group.records.tally[i][0], Pose(before[i, 0], before[i, 1], 0.0)
-            lost = settle(tally, trial, was, Pose(motion[i, 0], motion[i, 1], motion[i, 2]), step) or lost
+            lost = settle(tally, setup, was, Pose(motion[i, 0], motion[i, 1], motion[i, 2]), step) or lost
         if lost:
             break
 
@@ -82,19 +82,19 @@ def live_group(group: Group, setup: Setup, space: Any, until: int) -> None:
 def look(life: Life, setup: Setup, space: Handles, readings: Floats) -> None:
     """Fill the inputs that the next step will have: its noise is numbered, so it is the same then."""
     tally, at = life.tally[0], pose(space)
-    tally.goal_distance = to_goal(setup.trial, at.x, at.y)
+    tally.goal_distance = to_goal(setup, at.x, at.y)
     perceive(life, setup, space, NO_ROBOTS, at, math.cos(at.heading), math.sin(at.heading), tally.step, readings)
 
 
-def settle(tally: Any, trial: Trial, before: Pose, at: Pose, step: int) -> bool:
+def settle(tally: Any, setup: Setup, before: Pose, at: Pose, step: int) -> bool:
     """Count a step that moved the robot to a new pose; returns whether it is lost."""
     tally.step = step + 1
-    if is_lost(at.x, at.y, at.heading, trial.arena):
+    if is_lost(at.x, at.y, at.heading, setup.arena):
         tally.lost = True
         return True
     tally.path_length += math.sqrt((at.x - before.x) * (at.x - before.x) + (at.y - before.y) * (at.y - before.y))
-    tally.goal_distance = to_goal(trial, at.x, at.y)
-    if math.isnan(tally.time_to_goal) and tally.goal_distance < trial.goal_radius:
+    tally.goal_distance = to_goal(setup, at.x, at.y)
+    if math.isnan(tally.time_to_goal) and tally.goal_distance < setup.goal_radius:
         tally.time_to_goal = (step + 1) * STEP_S
     return False
 
@@ -111,13 +111,13 @@ def perceive(
     readings: Floats,
 ) -> None:
     """Fill the inputs of the network, as sensors and task give them: with noise and faults."""
-    tally, trial, noise = life.tally[0], setup.trial, life.workspace.noise
+    tally, noise = life.tally[0], life.workspace.noise
     if setup.noise_level > 0.0:
         draw_noise(life.key, step, noise)
-    goal, workspace = Goal(trial.goal_x, trial.goal_y, tally.goal_distance), life.workspace.senses
+    goal, workspace = Goal(setup.goal_x, setup.goal_y, tally.goal_distance), life.workspace.senses
     sense(at.x, at.y, cos, sin, space, setup.lit, noise, setup.noise_level, workspace, readings, goal, robots)
-    apply_sensor_faults(readings, trial.faults, life.past, step)
-    blind(readings, trial.faults.dead_sensors)
+    apply_sensor_faults(readings, setup.faults, life.past, step)
+    blind(readings, setup.faults.dead_sensors)
     reward_input(readings, tally.reward)
 
 
@@ -130,18 +130,17 @@ def decide(
     share it, as `epuckhebb.tmaze.sensors.Surroundings` has them.
     """
     tally, weights, activation, workspace = life.tally[0], life.weights, life.activation, life.workspace
-    genotype, plasticity, trial = life.genotype, setup.plasticity, setup.trial
 
     # Sense.
     perceive(life, setup, space, robots, at, cos, sin, step, activation)
-    scale(activation, weights, tally, life.adaptation.homeostasis, setup.nominal, step)
+    scale(life, setup, step)
 
     # Act.
     forward(weights, activation, workspace.drive, life.neurons)
     left, right = activation[OUTPUT], activation[OUTPUT + 1]
 
     # Score.
-    if is_in(trial.arm, at.x, at.y):
+    if is_in(setup.arm, at.x, at.y):
         tally.junction = 1.0
     nearness = nearest(activation)
     undirected = fitness.combined(left, right, nearness, 0.0)
@@ -149,14 +148,14 @@ def decide(
     tally.undirected_sum += undirected
     tally.behaviour_sum += behaviour
     tally.contacts += nearness > CONTACT
-    live_fitness = fitness.live_fitness(plasticity, tally, activation, left, right, behaviour, step)
+    live_fitness = fitness.live_fitness(setup, tally, activation, left, right, behaviour, step)
     if HAS_SCORE:
         own, contact = life.score[0], nearness > CONTACT
         worth = score(
             tally, own, setup.fitness, left, right, nearness, contact, behaviour, at, activation, step * STEP_S
         )
         own.sum += worth
-        if plasticity.signal == fitness.OWN:
+        if setup.signal == fitness.OWN:
             live_fitness = worth
 
     # Learn.
@@ -164,12 +163,12 @@ def decide(
     if resets and tally.need > 0.0 and need == 0.0:
         reset_to_genes(life)
     tally.need = need
-    rate = effective_rate(plasticity.rate, need, live_fitness, plasticity.floor)
-    if HAS_RULE and plasticity.rate > 0.0 and need > 0.0:
-        rate *= modulate(genotype.modulatory, activation)
+    rate = effective_rate(setup.rate, need, live_fitness, setup.floor)
+    if HAS_RULE and setup.rate > 0.0 and need > 0.0:
+        rate *= modulate(life.genotype.modulatory, activation)
         context = StepContext(live_fitness, life.key, step, STEP_S)
         tally.weight_change = learn(
-            weights, life.synapse_state, genotype, activation, rate, context, plasticity.numbers, workspace
+            weights, life.synapse_state, life.genotype, activation, rate, context, setup.rule, workspace
         )
     tally.weight_change_sum += tally.weight_change + tally.scaling
     if setup.record_every > 0 and step % setup.record_every == 0:

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from typing import Any
 
-from epuckhebb.adaptation import adaptation
 from epuckhebb.controller.compiling.kernel import kernel, with_parts
 from epuckhebb.controller.forward_pass import forward_pass
 from epuckhebb.controller.network import Network
@@ -11,6 +10,7 @@ from epuckhebb.controller.plasticity.rule import NoRule, Rule
 from epuckhebb.controller.plasticity.update import modulation_of, update_of
 from epuckhebb.controller.random import normal_numbers
 from epuckhebb.tmaze import faults
+from epuckhebb.tmaze.individual import NoAdaptation
 from epuckhebb.tmaze.lifetime import decide, live, perceive, settle
 from epuckhebb.tmaze.own_fitness import PAPER_FITNESS, Fitness, score_of, scored
 from epuckhebb.tmaze.physics.pymunk import PYMUNK, mover_of_all
@@ -25,7 +25,7 @@ _kernels: dict[tuple[object, ...], Any] = {}  # those that this process has used
 
 def kernel_of(
     rule: type[Rule],
-    adapted: adaptation.Parts,
+    adaptation: NoAdaptation,
     network: Network,
     robot: Robot,
     page: Callable[..., None] = live,
@@ -36,10 +36,10 @@ def kernel_of(
 ) -> Any:
     """A function of `lifetime.py` (`live`, `live_group` or `look`) with these parts, compiled or from the cache.
 
-    adapted: which functions the adaptation has. more_faults: whether there are other faults than dead sensors and weak
-    wheels. task, fitness: only their kinds matter.
+    more_faults: whether there are other faults than dead sensors and weak
+    wheels. Of task, fitness and adaptation only the functions matter.
     """
-    hooks, scoring = adaptation.hooks(adapted, robot, network.post[0]), scored(fitness)
+    hooks, scoring = adaptation.hooks(robot, network.post[0]), scored(fitness)
     place = (rule, hooks, network, robot, more_faults, type(task), scoring, physics, page)
     if place in _kernels:
         return _kernels[place]
@@ -66,7 +66,7 @@ def kernel_of(
     }
     for block in (perceive, decide, settle):
         parts[block.__name__] = with_parts(block, **parts)
-    values = (rule, adapted, network, robot, more_faults, type(task), scoring, physics)
+    values = (rule, adaptation.parts, network, robot, more_faults, type(task), scoring, physics)
     _kernels[place] = made = kernel(page, values, **parts)
     return made
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from epuckhebb.controller.compiling.kernel import compiled
-from epuckhebb.controller.ranges import check_range
+from epuckhebb.controller.ranges import check, within
 
 SUN_X, SUN_Y = 0.465, 0.427  # horizontal part of the unit vector towards the sun; the sensors look level
 SUN_IRRADIANCE = 2.7  # at light level 1
@@ -26,22 +26,17 @@ class Lamp:
     irradiance at 1 m.
     """
 
-    x_m: float = 0.1
-    y_m: float = -0.2
-    towards_x: float = -1.0
-    towards_y: float = 0.0
-    beam_rad: float = 1.5
-    intensity: float = 2.0
+    x_m: float = within(-math.inf, default=0.1)
+    y_m: float = within(-math.inf, default=-0.2)
+    towards_x: float = within(-math.inf, default=-1.0)
+    towards_y: float = within(-math.inf, default=0.0)
+    beam_rad: float = within(0, math.pi, above=True, default=1.5)
+    intensity: float = within(0, default=2.0)
 
     def __post_init__(self) -> None:
-        for name in ("x_m", "y_m", "towards_x", "towards_y"):
-            if not math.isfinite(getattr(self, name)):
-                raise ValueError(f"scenario.lamp.{name} must be a finite number, got {getattr(self, name)}")
+        check(self, "scenario.lamp")
         if math.hypot(self.towards_x, self.towards_y) == 0:
             raise ValueError("scenario.lamp.towards_x and towards_y must not both be 0: the lamp needs a direction")
-        if not 0 < self.beam_rad <= math.pi:
-            raise ValueError(f"scenario.lamp.beam_rad must lie in (0, pi], got {self.beam_rad}")
-        check_range(self, "scenario.lamp", "intensity")
 
 
 class Lights(NamedTuple):

@@ -14,7 +14,7 @@ import numpy as np
 from epuckhebb.controller import random
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.random import Stream
-from epuckhebb.controller.ranges import check_range
+from epuckhebb.controller.ranges import check, within
 
 Side = Literal["left", "right"]
 SIDES: tuple[Side, Side] = ("left", "right")
@@ -88,16 +88,13 @@ class Maze:
     niches: tuple[Niche, ...] = ()
     start: Pose
     goals: Mapping[Side, Place]
-    goal_radius_m: float = 0.05
+    goal_radius_m: float = within(0, above=True, default=0.05)
     arms: Mapping[Side, Region]
-    arena_m: float = 0.5
-    wall_height_m: float | None = None
+    arena_m: float = within(0, _LARGEST, above=True, default=0.5)
+    wall_height_m: float | None = within(0, above=True, default=None)
 
     def __post_init__(self) -> None:
-        check_range(self, "maze", "arena_m", most=_LARGEST, above=True)
-        check_range(
-            self, "maze", "goal_radius_m", *(["wall_height_m"] if self.wall_height_m is not None else []), above=True
-        )
+        check(self, "maze")
         twice = sorted(self.walls.keys() & self.obstacles.keys())
         if twice:
             raise ValueError(f"maze.walls and maze.obstacles must have different names, both have {', '.join(twice)}")

@@ -10,6 +10,7 @@ import numpy as np
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled, nothing
 from epuckhebb.controller.own_class import OwnClass, arguments, call_of, calling, namedtuple_of
+from epuckhebb.controller.ranges import within
 from epuckhebb.tmaze.light import Lamp, lights
 from epuckhebb.tmaze.sensors import NO_ROBOTS, Goal, Kernels, SensorGroup, Surroundings
 
@@ -51,15 +52,11 @@ class Sensor(SensorGroup, OwnClass):
     readings: ClassVar[tuple[str, ...]] = ("reading",)
     read: ClassVar[Callable[..., Any] | None] = None
 
-    noise: float = 0.0
+    noise: float = within(0, default=0.0)
 
     def __init_subclass__(cls) -> None:
         """Call the group as its class."""
         cls.name = cls.label = cls.short = cls.__name__
-
-    def __post_init__(self) -> None:
-        if not (math.isfinite(self.noise) and self.noise >= 0):
-            raise ValueError(f"noise of sensor {self.name} must be 0 or more, got {self.noise}")
 
     @property
     def count(self) -> int:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
-from epuckhebb.controller.ranges import check_range
+from epuckhebb.controller.ranges import check, within
 from epuckhebb.tmaze.sensors import DistanceSensors, LightSensors, RimSensors, SensorGroup, slices
 
 STEP_S = 0.032  # one control step: sensing, acting, learning and physics
@@ -58,28 +58,22 @@ class Robot:
     """
 
     name: str = "epuck"
-    radius_m: float = 0.037
-    mass_kg: float = 0.16
-    inertia_kg_m2: float = 8.75e-5
-    wheel_radius_m: float = 0.020
-    axle_m: float = 0.052
-    motor_limit_rad_s: float = 6.28
+    radius_m: float = within(0, above=True, default=0.037)
+    mass_kg: float = within(0, above=True, default=0.16)
+    inertia_kg_m2: float = within(0, above=True, default=8.75e-5)
+    wheel_radius_m: float = within(0, above=True, default=0.020)
+    axle_m: float = within(0, above=True, default=0.052)
+    motor_limit_rad_s: float = within(0, above=True, default=6.28)
     solid: Solid | None = _E_PUCK_SOLID
     sensors: tuple[SensorGroup, ...] = (LightSensors(), DistanceSensors())
 
     def __post_init__(self) -> None:
-        sizes = ("radius_m", "mass_kg", "inertia_kg_m2", "wheel_radius_m", "axle_m", "motor_limit_rad_s")
-        check_range(self, "robot", *sizes, above=True)
+        check(self, "robot")
         if self.solid is not None:
             low, high = self.solid.hull_m
-            sizes_3d = (
-                *self.solid[:3:2],
-                *self.solid.inertia_kg_m2,
-                *self.solid.underside,
-                *self.solid[5:],
-                high - low,
-            )
-            if not (len(self.solid.inertia_kg_m2) == 3 and low >= 0 and all(0 < size < math.inf for size in sizes_3d)):
+            inertia = self.solid.inertia_kg_m2
+            sizes = (*self.solid[:3:2], *inertia, *self.solid.underside, *self.solid[5:], high - low)
+            if not (len(inertia) == 3 and low >= 0 and all(0 < size < math.inf for size in sizes)):
                 raise ValueError(
                     "robot.solid must hold numbers above 0, three inertia_kg_m2, and hull_m from low to high"
                 )

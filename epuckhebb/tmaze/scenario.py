@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.ranges import check_range
-from epuckhebb.tmaze.changes import AT_ONCE, GROUPED, STEPS, check_changes, check_kind, check_placed, check_put, step_of
+from epuckhebb.controller.ranges import check as check_ranges
+from epuckhebb.controller.ranges import within
+from epuckhebb.tmaze.changes import AT_ONCE, GROUPED, check_changes, check_kind, check_placed, check_put, step_of
 from epuckhebb.tmaze.faults import LONGEST_DELAY
 from epuckhebb.tmaze.goal_signal import GoalSignal
 from epuckhebb.tmaze.light import Lamp
@@ -55,25 +56,25 @@ class Scenario:
 
     name: str = "base"
     experiment: str = "obstacles"
-    light: float = 0.1
-    sun_turn_deg: float = 0.0
+    light: float = within(0, default=0.1)
+    sun_turn_deg: float = within(-180, 180, default=0.0)
     obstacles: int = 0
-    layout: int = 0
+    layout: int = within(0, default=0)
     goals: Mapping[Side, Place] | None = None
     dead_sensors: Sequence[int] = ()
-    distance_gain: float = 1.0
-    distance_offset: float = 0.0
-    left_distance_gain: float = 1.0
-    crosstalk: float = 0.0
-    sensor_levels: int = 0
-    sensor_delay_steps: int = 0
-    wheel_delay_steps: int = 0
-    left_wheel: float = 1.0
-    right_wheel: float = 1.0
-    left_slip: float = 0.0
-    right_slip: float = 0.0
-    mass_ratio: float = 1.0
-    wall_friction: float = 0.0
+    distance_gain: float = within(0, above=True, default=1.0)
+    distance_offset: float = within(-1, 1, above=True, below=True, default=0.0)
+    left_distance_gain: float = within(0, above=True, default=1.0)
+    crosstalk: float = within(0, 0.5, default=0.0)
+    sensor_levels: int = within(2, default=0)
+    sensor_delay_steps: int = within(0, LONGEST_DELAY, default=0)
+    wheel_delay_steps: int = within(0, LONGEST_DELAY, default=0)
+    left_wheel: float = within(0, 1, default=1.0)
+    right_wheel: float = within(0, 1, default=1.0)
+    left_slip: float = within(0, 1, below=True, default=0.0)
+    right_slip: float = within(0, 1, below=True, default=0.0)
+    mass_ratio: float = within(1, default=1.0)  # a lighter robot would move as with 1
+    wall_friction: float = within(0, default=0.0)
     lamp: Lamp = field(default_factory=Lamp)
     second_lamp: Sequence[float] | None = None
     goal_signal: GoalSignal = field(default_factory=GoalSignal)
@@ -95,15 +96,12 @@ class Scenario:
     def __post_init__(self) -> None:
         if self.experiment not in EXPERIMENTS:
             raise ValueError(f"scenario.experiment must be one of {', '.join(EXPERIMENTS)}, got {self.experiment!r}")
-        check_range(self, "scenario", "light")
-        check_range(self, "scenario", "sun_turn_deg", least=-180, most=180)
+        check_ranges(self, "scenario")
         if self.obstacles not in self.maze.obstacle_counts:
             allowed = ", ".join(map(str, self.maze.obstacle_counts))
             raise ValueError(
                 f"scenario.obstacles must be one of {allowed} in maze {self.maze.name}, got {self.obstacles}"
             )
-        if self.layout < 0:
-            raise ValueError(f"scenario.layout must be 0 (as in the maze) or more, got {self.layout}")
         if self.layout and not self.maze.niches:
             raise ValueError(f"scenario.layout = {self.layout} needs niches, and maze {self.maze.name} has none")
         for key in ("second_lamp", "lamp_on", "rate", "reset"):
@@ -115,33 +113,6 @@ class Scenario:
                 f"scenario.dead_sensors must be a list of whole numbers, 0 to {last} for robot {self.robot.name}, each "
                 f"once, for example [0] or [], got {_plain(dead)}"
             )
-        check_range(self, "scenario", "left_wheel", "right_wheel", most=1)
-        for side in SIDES:
-            slip = getattr(self, f"{side}_slip")
-            if not 0 <= slip < 1:
-                raise ValueError(
-                    f"scenario.{side}_slip must lie in [0, 1), got {slip}; for a weak wheel give scenario.{side}_wheel"
-                )
-        if not (math.isfinite(self.distance_gain) and self.distance_gain > 0):
-            raise ValueError(
-                f"scenario.distance_gain must be a number above 0, got {self.distance_gain}; for a dead sensor give "
-                "scenario.dead_sensors"
-            )
-        check_range(self, "scenario", "left_distance_gain", above=True)
-        check_range(self, "scenario", "crosstalk", most=0.5)
-        check_range(self, "scenario", *STEPS[1:], most=LONGEST_DELAY)
-        if not (self.sensor_levels == 0 or self.sensor_levels >= 2):
-            raise ValueError(
-                f"scenario.sensor_levels must be 2 or more, or 0 for any reading, got {self.sensor_levels}"
-            )
-        if not -1 < self.distance_offset < 1:
-            raise ValueError(f"scenario.distance_offset must lie between -1 and 1, got {self.distance_offset}")
-        if not (math.isfinite(self.mass_ratio) and self.mass_ratio >= 1):
-            raise ValueError(
-                f"scenario.mass_ratio must be 1, the robot's own mass, or more, got {self.mass_ratio}; a lighter robot "
-                "would move as with 1"
-            )
-        check_range(self, "scenario", "wall_friction")
         if self.goals is not None and set(self.goals) != set(SIDES):
             raise ValueError(f"scenario.goals must have {' and '.join(SIDES)}, got {sorted(self.goals)}")
         for side, (x, y) in self.goals_now.items():

@@ -15,7 +15,7 @@ import numpy as np
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled, nothing
-from epuckhebb.controller.ranges import check_range
+from epuckhebb.controller.ranges import Range, check, check_value, within
 from epuckhebb.tmaze import light
 
 
@@ -198,13 +198,14 @@ class DistanceSensors(RimSensors):
     dead: ClassVar[float] = 0.0
 
     curve: tuple[CurvePoint, ...] = _E_PUCK_CURVE
-    stretch: float = 1.25 * 1.013  # red, rough walls look 1.25 times as far; the beams rise by 9.17 degrees
-    reach_m: float = 0.056
-    full_scale: float = 2000.0  # as in the published controller
+    # Red, rough walls look 1.25 times as far; the beams rise by 9.17 degrees.
+    stretch: float = within(0, above=True, default=1.25 * 1.013)
+    reach_m: float = within(0, above=True, default=0.056)
+    full_scale: float = within(0, above=True, default=2000.0)  # as in the published controller
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_range(self, "robot", "stretch", "reach_m", "full_scale", above=True)
+        check(self, "robot")
         distances = [point.distance for point in self.curve]
         steps = [b - a for a, b in pairwise(distances)]
         if len(distances) < 2 or distances[0] != 0 or not all(step > 0 for step in steps):
@@ -213,6 +214,8 @@ class DistanceSensors(RimSensors):
             )
         if not all(math.isfinite(number) and number >= 0 for point in self.curve for number in point):
             raise ValueError("robot.distance_curve must hold finite numbers, 0 or more")
+        ends = distances[-1] / min(1.0, self.stretch)  # [m], where nothing is sensed any more
+        check_value("robot.reach_m", self.reach_m, Range(0, ends, above=True))
 
     def kernels(self, first: int, radius_m: float) -> Kernels:
         """See `SensorGroup`."""

@@ -5,21 +5,16 @@ lifetimes; with `Session` one can watch a robot, or change its world, between tw
 """
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from epuckhebb.adaptation.adaptation import initial_adaptation_state
-from epuckhebb.adaptation.change_signal import NominalOfSide, check_nominal
-from epuckhebb.adaptation.controller import GA_ALONE, Controller
-from epuckhebb.adaptation.homeostasis import check_patterns
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.errors import NotCompiledError, explained
 from epuckhebb.controller.compiling.kernel import compile_error
 from epuckhebb.controller.forward_pass import neuron_of
 from epuckhebb.controller.genome import NEURON, WEIGHTS
-from epuckhebb.controller.network import PAPER_NETWORK, Network, initial_weights_of
+from epuckhebb.controller.network import initial_weights_of
 from epuckhebb.controller.plasticity.rule import (
     INITIAL_RANGE,
     InitialWeights,
@@ -31,6 +26,7 @@ from epuckhebb.controller.plasticity.update import initial_lengths
 from epuckhebb.controller.random import Stream, rng
 from epuckhebb.controller.wiring import NO_NEURONS, WiringError
 from epuckhebb.tmaze import fitness
+from epuckhebb.tmaze.individual import Individual
 from epuckhebb.tmaze.life import (
     Genotype,
     Life,
@@ -41,38 +37,14 @@ from epuckhebb.tmaze.life import (
     tally_of,
 )
 from epuckhebb.tmaze.lifetime import look
-from epuckhebb.tmaze.maze import Pose, Side
+from epuckhebb.tmaze.maze import Pose
 from epuckhebb.tmaze.outcome import Outcome, outcome_of
 from epuckhebb.tmaze.own_fitness import FitnessError, example_arguments, score_of
 from epuckhebb.tmaze.own_sensor import Sensor, own_sensors
 from epuckhebb.tmaze.robot import STEP_S
 from epuckhebb.tmaze.samples import empty_samples
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.simulator import Kind, Phase, Simulator, have_more_faults, lights_of, trial_of
-
-
-@dataclass(frozen=True, kw_only=True)
-class Individual:
-    """What one lifetime needs besides its world: genes and their network, a side, a controller, a noise key, a start.
-
-    genes: of all parts of the genome (`controller.genome`), 234 in the paper. key: of all noise. task_key: of the
-    task's random numbers; individuals that are compared have the same, and so have both sides. start: None for the
-    maze's. signs: of the plastic updates, (synapses,), None for the rule's sign; shuffled ones must be given. nominal:
-    what an adaptation compares with. record: whether samples are recorded. after: whose lifetime comes
-    before, where the live fitness carries its history.
-    """
-
-    genes: Floats
-    side: Side
-    key: np.uint64
-    controller: Controller = GA_ALONE
-    network: Network = PAPER_NETWORK
-    start: Pose | None = None
-    task_key: int = 0
-    signs: Floats | None = None
-    nominal: NominalOfSide | None = None
-    record: bool = False
-    after: "Individual | None" = None
+from epuckhebb.tmaze.simulator import Kind, Phase, Simulator, world_setup
 
 
 class LostRobotError(ArithmeticError):
@@ -104,10 +76,11 @@ class Session:
         self._more_faults = simulator.more_faults
         self._kind = kind = simulator.kind_of(individual.controller, individual.network, self._more_faults)
         self._first = first = self._phases[0].scenario
-        self._is_usual = individual.nominal is None and individual.after is None
-        genotype = _genotype_of(individual, kind, first, self.lifetime.gain_rad_s)
+        self._nominal = individual.nominal if individual.controller.adaptation.acts else None
+        self._is_usual = self._nominal is None and individual.after is None
+        genotype = _genotype_of(individual, kind, self.lifetime.gain_rad_s)
         self._record_every = self.lifetime.record_every if individual.record else 0
-        adaptation = initial_adaptation_state(first.robot) if kind.unused is None else kind.unused
+        adaptation = individual.controller.adaptation.initial_state(first.robot)
         trials = first.task.initial_trials(individual.side, individual.task_key)
         self.life = initial_life(
             *(genotype, np.uint64(individual.key), individual.network, first.robot, kind.workspace, adaptation, trials),
@@ -167,7 +140,15 @@ class Session:
         last = min(first + count, self.lifetime.steps)
         while (now := self.steps) < last and not self._has_ended():
             self._enter_due()
-            self._run(min(last, self._phases[0].step) if self._phases else last)
+            phase, until = self._phase, min(last, self._phases[0].step) if self._phases else last
+            while self._space is not phase.space and self.steps < until and not self._has_ended():
+                self._move_to_new_walls()
+                if self._space is not phase.space:
+                    self._live(self.steps + 1)  # the new walls wait until the robot has left
+            if not self._has_ended():
+                self._live(until)
+            if self._has_ended() and self._record_every:
+                pad_samples(self.samples, self.life, self.world.robot, self._record_every, self._space.handles.state)
         return now - first
 
     def change(self, world: Scenario) -> None:
@@ -183,7 +164,7 @@ class Session:
                     f"a world may change during a lifetime, its {kind} may not: got {new.name} for {old.name}"
                 )
         self._phases = self._simulator.phases_of(world, self.steps, self._phase)
-        who, self._more_faults = self.individual, have_more_faults(self._phases)
+        who, self._more_faults = self.individual, any(phase.faults.more for phase in self._phases)
         now = self._simulator.kind_of(who.controller, who.network, self._more_faults)
         if now.live is not self._kind.live:
             # A kernel without delays has kept no readings: those before count as the last.
@@ -229,7 +210,6 @@ class Session:
         """Begin a phase; its walls appear as soon as the robot is not in their way."""
         individual, lifetime, kind = self.individual, self.lifetime, self._kind
         self._phase, self.world = phase, phase.scenario
-        lamp_on = individual.side == "right" if self.world.lamp_on is None else self.world.lamp_on
         if self.world.put is not None:
             self._space = phase.space  # there is room for it among the new walls
             self._space.place_robot(self.world.put)
@@ -238,28 +218,18 @@ class Session:
             self.life.weights[:], self.life.synapse_state[:] = genotype.weights, genotype.synapse_state
             self._tally["weight_change"] = 0.0
         self.setup = Setup(
-            kind.plasticity._replace(rate=kind.plasticity.rate * float(self.world.rate), history=self._history),
-            kind.nominal if individual.nominal is None else individual.nominal,
-            lights_of(self.world, lamp_on=lamp_on),
-            trial_of(self.world, individual.side, self._start, phase.faults),
-            self.world.fitness.numbers() if self.world.fitness.step else (),
-            float(lifetime.gain_rad_s),
-            float(lifetime.noise),
-            self._record_every,
-            self.samples,
+            **{
+                **kind.setup,
+                "rate": kind.setup["rate"] * float(self.world.rate),
+                "history": self._history,
+                **({} if self._nominal is None else {"nominal": self._nominal}),
+            },
+            **world_setup(self.world, individual.side, self._start, phase.faults),
+            gain=float(lifetime.gain_rad_s),
+            noise_level=float(lifetime.noise),
+            record_every=self._record_every,
+            samples=self.samples,
         )
-
-    def _run(self, until: int) -> None:
-        """Run the steps of one phase."""
-        phase = self._phase
-        while self._space is not phase.space and self.steps < until and not self._has_ended():
-            self._move_to_new_walls()
-            if self._space is not phase.space:
-                self._live(self.steps + 1)  # the new walls wait until the robot has left
-        if not self._has_ended():
-            self._live(until)
-        if self._has_ended() and self._record_every:
-            pad_samples(self.samples, self.life, self.world.robot, self._record_every, self._space.handles.state)
 
     def _live(self, until: int) -> None:
         live = self._kind.usual.call if self._is_usual else self._kind.live
@@ -321,12 +291,8 @@ class Session:
         )
 
 
-def _genotype_of(individual: Individual, kind: Kind, world: Scenario, gain_rad_s: float) -> Genotype:
+def _genotype_of(individual: Individual, kind: Kind, gain_rad_s: float) -> Genotype:
     """What an individual starts with; a ValueError if its arguments do not fit each other."""
-    if individual.nominal is not None:
-        check_nominal(individual.nominal, world.robot.inputs)
-    if individual.controller.adaptation.homeostasis:
-        check_patterns(kind.nominal if individual.nominal is None else individual.nominal, world.robot.light.count)
     of_updates = kind.signs if individual.signs is None else individual.signs
     rule, network = individual.controller.rule, individual.network
     if of_updates is None or of_updates.shape != (network.synapses,):

@@ -8,23 +8,22 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.adaptation.adaptation import AdaptationState, gate_numbers, initial_adaptation_state
-from epuckhebb.adaptation.change_signal import NominalOfSide, no_nominal
-from epuckhebb.adaptation.controller import Controller
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import SameTypes
 from epuckhebb.controller.genome import GenomePlan, plan_of
 from epuckhebb.controller.network import Network
+from epuckhebb.controller.own_class import stored
 from epuckhebb.controller.plasticity.control import Sign, signs
-from epuckhebb.controller.plasticity.rule import Rule, initial_synapse_state
+from epuckhebb.controller.plasticity.rule import Rule
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze.changes import AT_ONCE
 from epuckhebb.tmaze.faults import Faults, faults_of
 from epuckhebb.tmaze.fitness import initial_history, signal_number
-from epuckhebb.tmaze.life import Lifetime, Plasticity, Trial, Workspace, workspace_for
+from epuckhebb.tmaze.individual import Controller
+from epuckhebb.tmaze.life import Lifetime, Workspace, workspace_for
 from epuckhebb.tmaze.lifetime import live
 from epuckhebb.tmaze.lifetime_kernel import kernel_of
-from epuckhebb.tmaze.light import Lights, lights
+from epuckhebb.tmaze.light import lights
 from epuckhebb.tmaze.maze import Pose, Region, Side, added
 from epuckhebb.tmaze.physics_engine import Space
 from epuckhebb.tmaze.reachable import gap
@@ -53,19 +52,16 @@ class Kind(NamedTuple):
     """What individuals with the same controller and network share.
 
     live: the kernel. usual: the same, for individuals without nominal statistics and a history of their own; their
-    records are made here, so they have the same types. unused: arrays of an adaptation for individuals without one,
-    which never write there; None with an adaptation.
+    records are made here, so they have the same types. setup: the fields of `Setup` that follow from the controller.
     """
 
     live: Callable[..., None]
     usual: SameTypes
-    plasticity: Plasticity
+    setup: dict[str, Any]
     plan: GenomePlan
     synapse_state: NDArray[np.void]
     signs: Floats | None
-    nominal: NominalOfSide
     workspace: Workspace
-    unused: AdaptationState | None
     no_samples: Samples
 
 
@@ -85,7 +81,7 @@ class Simulator:
             )
         self.world, self.lifetime, self._fallback_rule = world, lifetime, fallback_rule
         self.phases = self.phases_of(world)
-        self.more_faults = have_more_faults(self.phases)
+        self.more_faults = any(phase.faults.more for phase in self.phases)
         self._kinds: dict[tuple[int, int, bool], Kind] = {}
 
     def phases_of(self, world: Scenario, since: int = 0, before: Phase | None = None) -> list[Phase]:
@@ -105,73 +101,56 @@ class Simulator:
             phases.append(Phase(step, replace(now, **AT_ONCE) if has_begun else now, space, walls, faults_of(now)))
         return phases
 
+    def kernel(self, page: Callable[..., None], controller: Controller, network: Network, more_faults: bool) -> Any:
+        """A function of `lifetime.py`, compiled for such individuals in this world."""
+        world, rule = self.world, self._fallback_rule if controller.is_ga_alone else type(controller.rule)
+        choice = page, more_faults, world.task, world.fitness, world.physics
+        return kernel_of(rule, controller.adaptation, network, world.robot, *choice)
+
     def kind_of(self, controller: Controller, network: Network, more_faults: bool) -> Kind:
         """What individuals with this controller and network share. more_faults: whether their kernel has these."""
         place = (id(controller), id(network), more_faults)
-        if place not in self._kinds:
-            self._kinds[place] = self._kind(controller, network, more_faults)
-        return self._kinds[place]
-
-    def kernel(self, page: Callable[..., None], controller: Controller, network: Network, more_faults: bool) -> Any:
-        """A function of `lifetime.py`, compiled for such individuals in this world."""
-        world, rule = self.world, self._compiled_for(controller)
-        choice = page, more_faults, world.task, world.fitness, world.physics
-        return kernel_of(rule, controller.adaptation.parts, network, world.robot, *choice)
-
-    def _compiled_for(self, controller: Controller) -> type[Rule]:
-        return self._fallback_rule if controller.is_ga_alone else type(controller.rule)
-
-    def _kind(self, controller: Controller, network: Network, more_faults: bool) -> Kind:
+        if place in self._kinds:
+            return self._kinds[place]
         rule, adaptation, robot = controller.rule, controller.adaptation, self.world.robot
-        compiled_for = self._compiled_for(controller)
+        compiled_for = self._fallback_rule if controller.is_ga_alone else type(rule)
         own = compiled_for is type(rule)
-        numbers = rule.numbers() if own else (0.0,) * len(compiled_for.settings())
+        factor = self.lifetime.gain_rad_s / rule.N_gain_rad_s if rule.N_gain_rad_s else 1.0
         kernel = self.kernel(live, controller, network, more_faults)
-        return Kind(
+        self._kinds[place] = kind = Kind(
             live=kernel,
             usual=SameTypes(kernel),
-            plasticity=Plasticity(
-                float(rule.N) * rule.gain_factor(self.lifetime.gain_rad_s) if own else 0.0,
-                float(rule.floor),
-                signal_number(rule),
-                initial_history(rule),
-                numbers,
-                gate_numbers(adaptation),
-            ),
+            setup={
+                "rate": float(rule.N) * factor if own else 0.0,
+                "floor": float(rule.floor),
+                "signal": signal_number(rule),
+                "history": initial_history(rule),
+                "rule": rule.numbers() if own else (0.0,) * len(compiled_for.settings()),
+                "adaptation": adaptation.numbers(),
+                "nominal": adaptation.no_nominal(robot),
+            },
             plan=plan_of(network, type(rule)),
-            synapse_state=initial_synapse_state(compiled_for, network),
+            synapse_state=stored(compiled_for.synapse_state, network.synapses),
             signs=None if rule.sign is Sign.shuffled else signs(rule.sign, network.synapses),
-            nominal=no_nominal(robot.inputs),
             workspace=workspace_for(network, robot, self.world.physics),
-            unused=None if adaptation.acts else initial_adaptation_state(robot),
             no_samples=empty_samples(0, network, self.world.physics),
         )
+        return kind
 
 
-def have_more_faults(phases: list[Phase]) -> bool:
-    """Whether one of these phases has other faults than dead sensors and weak wheels."""
-    return any(phase.faults.more for phase in phases)
-
-
-def trial_of(scenario: Scenario, side: Side, start: Pose | None = None, faults: Faults | None = None) -> Trial:
-    """The task and faults of a robot on this side in a world. start: of each trial; None for the maze's.
-
-    faults: those of this world, if they are known.
-    """
-    goals, maze, task = scenario.goals_now, scenario.maze, scenario.task
-    goal = goals[side]
-    return Trial(
-        float(goal.x),
-        float(goal.y),
-        float(maze.goal_radius_m),
-        scenario.goal_signal.numbers(),
-        _NOWHERE if task.has_trials else Region(*map(float, maze.arms[side])),
-        float(maze.arena_m),
-        faults_of(scenario) if faults is None else faults,
-        task.terms(goals, maze.start if start is None else start),
-    )
-
-
-def lights_of(scenario: Scenario, lamp_on: bool) -> Lights:
-    """The lights of a world."""
-    return lights(scenario.light, scenario.lamp, lamp_on, scenario.sun_turn_deg, scenario.second_lamp)
+def world_setup(world: Scenario, side: Side, start: Pose, faults: Faults) -> dict[str, Any]:
+    """The fields of `Setup` that follow from a world. start: of each trial. faults: of this world."""
+    goals, maze, task = world.goals_now, world.maze, world.task
+    lamp_on = side == "right" if world.lamp_on is None else world.lamp_on
+    return {
+        "lit": lights(world.light, world.lamp, lamp_on, world.sun_turn_deg, world.second_lamp),
+        "goal_x": float(goals[side].x),
+        "goal_y": float(goals[side].y),
+        "goal_radius": float(maze.goal_radius_m),
+        "goal_signal": world.goal_signal.numbers(),
+        "arm": _NOWHERE if task.has_trials else Region(*map(float, maze.arms[side])),
+        "arena": float(maze.arena_m),
+        "faults": faults,
+        "terms": task.terms(goals, start),
+        "fitness": world.fitness.numbers() if world.fitness.step else (),
+    }

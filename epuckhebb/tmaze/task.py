@@ -40,8 +40,8 @@ def rewarded(trials: NDArray[np.void]) -> NDArray[np.bool_]:
 class Hooks(NamedTuple):
     """The functions of a task that a lifetime calls.
 
-    reward_input(activation, reward): gives the network the reward, if it has an input for that. to_goal(trial, x, y):
-    distance to the goal [m]. end_step(life, space, trial): called after every step.
+    reward_input(activation, reward): gives the network the reward, if it has an input for that. to_goal(setup, x, y):
+    distance to the goal [m]. end_step(life, space, setup): called after every step.
     """
 
     reward_input: Callable[[Floats, float], None]
@@ -65,6 +65,10 @@ class Task(OwnClass):
     def gives_reward(self) -> bool:
         """Whether the last input of the network is a reward."""
         return RewardInput() in self.inputs
+
+    def limits(self) -> dict[str, float]:
+        """Shares of rewarded trials to compare with, by name: without learning, and the best; none for one trial."""
+        return {}
 
     def check_lamp(self, intensity: float) -> None:
         """Check that the task allows a lamp of this intensity; else a ValueError."""
@@ -99,5 +103,5 @@ class Task(OwnClass):
 
 
 @compiled
-def _to_one_goal(trial: Any, x: float, y: float) -> float:
-    return distance_to(x, y, trial.goal_x, trial.goal_y)
+def _to_one_goal(setup: Any, x: float, y: float) -> float:
+    return distance_to(x, y, setup.goal_x, setup.goal_y)

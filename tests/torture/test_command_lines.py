@@ -134,7 +134,7 @@ def prepared(tmp_path_factory):
 
 def half_written(folder):
     """Runs that were begun and neither finished nor closed, and files beside their places."""
-    states = [Run(status.parent).state for status in folder.rglob("status.json")]
+    states = [Run(status.parent).recorded_status.get("state") for status in folder.rglob("status.json")]
     return [state for state in states if state not in ("finished", "failed")], list(folder.rglob(".*.tmp"))
 
 

@@ -10,7 +10,6 @@ What each command on a damaged run may do:
 import pytest
 from cases import call, done
 
-from epuckhebb.controller.compiling.kernel import kernel
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.store.genome import load_genome
 
@@ -110,20 +109,3 @@ def test_damage_is_noticed_or_does_no_harm(made, chance, kind, name, times, comm
         as_before = code != 0 or shown == before[number % len(commands)][1]
         assert as_before or content is None or name == "status.json", ("another number was shown", number, content)
     assert noticed
-
-
-def double(x):
-    return 2.0 * x
-
-
-def test_damaged_machine_code_is_never_run(chance, tmp_path, monkeypatch):
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    assert kernel(double)(4.0) == 8.0
-    for _ in range(60):
-        file = chance.choice(sorted(tmp_path.rglob("*.nb?")))
-        whole = file.read_bytes()
-        content = damaged(chance, whole)
-        file.unlink() if content is None else file.write_bytes(content)
-        made = kernel(double)
-        assert made(4.0) == 8.0
-        assert content == whole or not sum(made.stats.cache_hits.values())

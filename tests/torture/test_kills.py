@@ -124,4 +124,4 @@ def test_killed_twice_it_goes_on_to_the_same_bytes(command, tmp_path, request):
 
 def is_finished(folder: Path, command):
     statuses = list(folder.glob("run/status.json" if command != "reproduce" else "runs/reproduce/*/status.json"))
-    return bool(statuses) and Run(statuses[0].parent).state == "finished"
+    return bool(statuses) and Run(statuses[0].parent).recorded_status.get("state") == "finished"

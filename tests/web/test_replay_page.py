@@ -14,11 +14,11 @@ import pytest
 from PIL import Image
 from playwright.sync_api import expect
 
-from epuckhebb.adaptation.controller import GA, HEBBIAN, Controller
 from epuckhebb.analysis import replay
 from epuckhebb.analysis.evaluate import evaluate
 from epuckhebb.controller.network import PAPER_NETWORK
 from epuckhebb.controller.plasticity.rules.paper import Paper
+from epuckhebb.tmaze.individual import GA, HEBBIAN, Controller
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.maze import SIDES
 from epuckhebb.tmaze.scenario import Scenario

@@ -15,7 +15,7 @@ from typing import Any
 import numba.extending
 import numpy as np
 from llvmlite import ir
-from numba.core import types
+from numba import types
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import BUILDING_BLOCK

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.plasticity.rule import Rule
-from epuckhebb.controller.ranges import check_range
+from epuckhebb.controller.ranges import within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,11 +27,7 @@ class FourTerms(Rule):
 
     N_gain_rad_s: float = 4.0
     floor: float = 1.0
-    leak: float = 0.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_range(self, "hebbian", "leak")
+    leak: float = within(0, default=0.0)
 
     @classmethod
     def express(cls, parameters: Mapping[str, Floats]) -> Mapping[str, Floats]:

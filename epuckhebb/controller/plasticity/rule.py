@@ -1,20 +1,18 @@
 """A plasticity rule: its settings, the state of each synapse, its evolved parameters, and its update."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.evolved import Evolved
 from epuckhebb.controller.network import Network
-from epuckhebb.controller.own_class import OwnClass, arguments, name_of, stored
+from epuckhebb.controller.own_class import OwnClass, arguments, name_of
 from epuckhebb.controller.plasticity.control import Sign
-from epuckhebb.controller.ranges import check_range
+from epuckhebb.controller.ranges import within
 from epuckhebb.controller.wiring import LAYERS
 
 QUANTITIES = (
@@ -96,30 +94,20 @@ class Rule(OwnClass):
     coefficients: ClassVar[tuple[str, ...]] = ()
     keeps_lengths: ClassVar[bool] = False
 
-    N: float = 0.0
-    N_gain_rad_s: float = 0.0
-    floor: float = 0.2
-    w_max: float = 2.0
+    N: float = within(0, default=0.0)
+    N_gain_rad_s: float = within(0, default=0.0)
+    floor: float = within(0, default=0.2)
+    w_max: float = within(0, _LARGEST_WEIGHT, above=True, default=2.0)
     signal: str = "behaviour"
-    history_s: float = 500.0
-    history_mean: float = 0.5
+    history_s: float = within(0, default=500.0)
+    history_mean: float = within(0, 1, default=0.5)
     carries_history: bool = False
     sign: Sign = Sign.hebbian
     initial_weights: InitialWeights = InitialWeights.evolved
     reward: Reward = Reward.given
 
     def __post_init__(self) -> None:
-        for name in ("N", "N_gain_rad_s", "floor", "w_max"):
-            value = getattr(self, name)
-            is_number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
-            if not is_number:
-                raise ValueError(f"hebbian.{name} must be a number, an int or a float, got {value!r}")
-        for name, value in zip(self.settings(), self.numbers(), strict=True):
-            if not math.isfinite(value):
-                raise ValueError(f"hebbian.{name} must be a finite number, got {value}")
-        check_range(self, "hebbian", "N", "N_gain_rad_s", "floor", "history_s")
-        check_range(self, "hebbian", "history_mean", most=1)
-        check_range(self, "hebbian", "w_max", most=_LARGEST_WEIGHT, above=True)
+        super().__post_init__()
         if self.reward is not Reward.given and not receives_reward(type(self)):
             raise ValueError(
                 f"hebbian.reward={self.reward.name} does nothing with rule {name_of(type(self))}, which gets no reward"
@@ -137,10 +125,6 @@ class Rule(OwnClass):
         parameters: by name, (synapses,) each; (numbers, synapses) for a parameter of several numbers.
         """
         return parameters
-
-    def gain_factor(self, gain_rad_s: float) -> float:
-        """The factor on N at a wheel gain [rad/s]."""
-        return gain_rad_s / self.N_gain_rad_s if self.N_gain_rad_s else 1.0
 
     @classmethod
     def arguments(cls) -> tuple[str, ...]:
@@ -191,11 +175,6 @@ def values_of(rule: type[Rule], network: Network, genes: Mapping[str, Floats]) -
         if evolved.value is not None:
             values[name] = evolved.value(genes[name])
     return values
-
-
-def initial_synapse_state(rule: type[Rule], network: Network) -> NDArray[np.void]:
-    """The initial state of the synapses, (synapses,) records with a field for each name."""
-    return stored(rule.synapse_state, network.synapses)
 
 
 def evolved_sizes(rule: type[Rule], network: Network) -> dict[str, int]:

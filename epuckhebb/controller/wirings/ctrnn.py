@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 
 from epuckhebb.controller.evolved import Evolved
 from epuckhebb.controller.network import tanh
-from epuckhebb.controller.ranges import check_range
+from epuckhebb.controller.ranges import within
 from epuckhebb.controller.wiring import Wiring
 
 
@@ -33,11 +33,8 @@ class CTRNN(Wiring):
         "bias": Evolved(per="neuron"),
     }
 
-    hidden: int = 6
-    tau_gain_rad_s: float = 4.0
-
-    def __post_init__(self) -> None:
-        check_range(self, "network", "hidden", "tau_gain_rad_s")
+    hidden: int = within(0, default=6)
+    tau_gain_rad_s: float = within(0, default=4.0)
 
     @property
     def sizes(self) -> tuple[int, ...]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from itertools import chain, product
 
 from epuckhebb.controller.network import tanh
-from epuckhebb.controller.ranges import check_range
+from epuckhebb.controller.ranges import within
 from epuckhebb.controller.wiring import Wiring
 
 
@@ -21,10 +21,7 @@ from epuckhebb.controller.wiring import Wiring
 class Elman(Wiring):
     """A simple recurrent network. hidden: neurons of its hidden layer."""
 
-    hidden: int = 8
-
-    def __post_init__(self) -> None:
-        check_range(self, "network", "hidden", above=True)
+    hidden: int = within(1, default=8)
 
     @property
     def sizes(self) -> tuple[int, ...]:

@@ -14,7 +14,7 @@ from epuckhebb.controller import random
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.genome import GenomePlan
 from epuckhebb.controller.random import Stream
-from epuckhebb.controller.ranges import check_range
+from epuckhebb.controller.ranges import Range, check, check_value, within
 from epuckhebb.evolution.optimizer import Algorithm, Schedule, initial, limits
 from epuckhebb.evolution.training import Training
 from epuckhebb.tmaze.life import Lifetime
@@ -49,28 +49,22 @@ class GA(Algorithm):
 
     key: ClassVar[str] = "ga"
 
-    population: int = 50
-    generations: int = 30
+    population: int = within(1, default=50)
+    generations: int = within(1, default=30)
     elites: int = 6
-    loops: int = 3
-    tournament: int = 4
+    loops: int = within(1, default=3)
+    tournament: int = within(1, _MOST_DRAWS, default=4)
     selection: Selection = Selection.everyone
     crossover: Crossover = Crossover.uniform
-    crossover_rate: float = 1.0
-    mutation_rate: float = 0.05
-    mutation_range: float = 1.0
-    gene_limit: float = 1.0
-    start_noise: float = 0.0
+    crossover_rate: float = within(0, 1, default=1.0)
+    mutation_rate: float = within(0, 1, default=0.05)
+    mutation_range: float = within(0, above=True, default=1.0)
+    gene_limit: float = within(0, above=True, default=1.0)
+    start_noise: float = within(0, default=0.0)
 
     def __post_init__(self) -> None:
-        if self.tournament > _MOST_DRAWS:
-            raise ValueError(f"ga.tournament must lie between 1 and {_MOST_DRAWS}, got {self.tournament}")
-        check_range(self, "ga", "population", "generations", "loops", "tournament", least=1)
-        if not 0 <= self.elites <= self.population:
-            raise ValueError(f"ga.elites must lie between 0 and ga.population ({self.population}), got {self.elites}")
-        check_range(self, "ga", "crossover_rate", "mutation_rate", most=1)
-        check_range(self, "ga", "mutation_range", "gene_limit", above=True)
-        check_range(self, "ga", "start_noise")
+        check(self, self.key)
+        check_value("ga.elites", self.elites, Range(0, self.population))
 
     @property
     def individuals(self) -> int:

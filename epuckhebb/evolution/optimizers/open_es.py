@@ -17,7 +17,6 @@ Hebbian learning rules, GECCO 2021; five merges leave one rule of 32, as theirs 
 
 import warnings
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +25,7 @@ from epuckhebb.controller import random
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.genome import GenomePlan
 from epuckhebb.controller.random import Stream
-from epuckhebb.controller.ranges import check_range
+from epuckhebb.controller.ranges import within
 from epuckhebb.evolution.optimizer import CANDIDATES, EvolutionStrategy, initial, units
 
 
@@ -40,21 +39,17 @@ class OpenEs(EvolutionStrategy):
     `_generations`: those evaluated so far. `_rule_of`: for each synapse the first that has the same rule.
     """
 
-    least: ClassVar[dict[str, int]] = {**EvolutionStrategy.least, "population": 2, "merges": 0, "merge_every": 1}
-
-    population: int = 40
-    sigma: float = 0.1
-    learning_rate: float = 0.2
-    learning_rate_decay: float = 0.995
-    merges: int = 0
-    merge_every: int = 10
+    population: int = within(2, default=40)
+    sigma: float = within(0, above=True, default=0.1)
+    learning_rate: float = within(0, above=True, default=0.2)
+    learning_rate_decay: float = within(0, 1, above=True, default=0.995)
+    merges: int = within(0, default=0)
+    merge_every: int = within(1, default=10)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.population % 2:
             raise ValueError(f"optimizer.population must be even, as individuals come in pairs, got {self.population}")
-        check_range(self, "optimizer", "learning_rate", above=True)
-        check_range(self, "optimizer", "learning_rate_decay", most=1, above=True)
 
     def check(self, plan: GenomePlan) -> None:
         """See `Algorithm`: merging needs a rule for each synapse."""

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled
-from epuckhebb.controller.ranges import check_range
+from epuckhebb.controller.ranges import within
 from epuckhebb.tmaze import libode, light
 from epuckhebb.tmaze.libode import (
     attach,
@@ -218,22 +218,20 @@ class Ode(Physics):
     ray_numbers: ClassVar[int] = 10
     tilts: ClassVar[int] = 3
 
-    gravity_m_s2: float = 9.81
-    friction: float = 1.0
-    erp: float = 0.2
-    contact_cfm: float = 0.001
-    joint_cfm: float = 1e-5
-    bounce: float = 0.5
-    bounce_speed_m_s: float = 0.01
-    sun_up: float = 0.776
-    lamp_m: float = 0.0
+    gravity_m_s2: float = within(0, above=True, default=9.81)
+    friction: float = within(0, default=1.0)
+    erp: float = within(0, 1, default=0.2)
+    contact_cfm: float = within(0, above=True, default=0.001)
+    joint_cfm: float = within(0, above=True, default=1e-5)
+    bounce: float = within(0, 1, default=0.5)
+    bounce_speed_m_s: float = within(0, default=0.01)
+    sun_up: float = within(0, 1, default=0.776)
+    lamp_m: float = within(0, default=0.0)
     put_down: tuple[float, ...] = (-1.0, 1.0, 1.0, -0.004395102393195)
 
     def __post_init__(self) -> None:
         """Validate the settings."""
-        check_range(self, "physics", "gravity_m_s2", "contact_cfm", "joint_cfm", above=True)
-        check_range(self, "physics", "friction", "bounce_speed_m_s", "lamp_m")
-        check_range(self, "physics", "erp", "bounce", "sun_up", most=1)
+        super().__post_init__()
         if len(self.put_down) != 4 or not any(self.put_down[:3]):
             raise ValueError(
                 f"physics.put_down must be [x, y, z, angle], not all of x, y, z 0, got {list(self.put_down)}"

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled
 from epuckhebb.controller.random import Stream, rng
-from epuckhebb.controller.ranges import check_range
+from epuckhebb.controller.ranges import Range, check_value, within
 from epuckhebb.tmaze.fitness import distance_to
 from epuckhebb.tmaze.maze import Place, Pose, Side
 from epuckhebb.tmaze.physics.pymunk import Handles, put_back
@@ -64,29 +64,20 @@ class Reversal(Task):
     inputs: ClassVar[tuple[InputGroup, ...]] = (RewardInput(),)
     has_trials: ClassVar[bool] = True
 
-    trials: int = 10
+    trials: int = within(2, 1000, default=10)
     first_switch: int = 2
     last_switch: int = 8
-    never: float = 0.125
-    reward_s: float = 1.0
-    time_out_s: float = 30.0
-    time_outs: int = 2
-    end_bonus: float = 0.1
-    progress_bonus: float = 0.1
+    never: float = within(0, 1, default=0.125)
+    reward_s: float = within(STEP_S, default=1.0)
+    time_out_s: float = within(STEP_S, default=30.0)
+    time_outs: int = within(1, default=2)
+    end_bonus: float = within(0, default=0.1)
+    progress_bonus: float = within(0, default=0.1)
 
     def __post_init__(self) -> None:
-        if not 2 <= self.trials <= 1000:
-            raise ValueError(f"task.trials must lie between 2 and 1000, got {self.trials}")
-        if not 2 <= self.first_switch <= self.last_switch <= self.trials:
-            raise ValueError(
-                "task.first_switch and task.last_switch must be trials from 2 to task.trials "
-                f"({self.trials}), the first not after the last, got {self.first_switch} and "
-                f"{self.last_switch}"
-            )
-        check_range(self, "task", "never", most=1)
-        check_range(self, "task", "reward_s", "time_out_s", least=STEP_S)
-        check_range(self, "task", "time_outs", least=1)
-        check_range(self, "task", "end_bonus", "progress_bonus")
+        super().__post_init__()
+        check_value("task.last_switch", self.last_switch, Range(2, self.trials))
+        check_value("task.first_switch", self.first_switch, Range(2, self.last_switch))
 
     @property
     def longest_s(self) -> float:
@@ -150,6 +141,14 @@ class Reversal(Task):
         likely = range(self.first_switch, self.last_switch + 1)
         return {0: self.never, **dict.fromkeys(likely, (1 - self.never) / len(likely))}
 
+    def limits(self) -> dict[str, float]:
+        """See `Task`.
+
+        Lifetimes come in pairs: one with each end rewarded first, and the switch at the same trial. A fixed sequence of
+        choices is therefore right in one lifetime wherever it is wrong in the other.
+        """
+        return {"chance": 0.5, "optimum": self.optimum()}
+
     def optimum(self) -> float:
         """The largest possible share of rewarded trials, on average over lifetimes.
 
@@ -181,21 +180,21 @@ def _steps(seconds: float) -> int:
     return math.floor(seconds / STEP_S + 1e-9)
 
 
-def _to_nearer_end(trial: Any, x: float, y: float) -> float:
+def _to_nearer_end(setup: Any, x: float, y: float) -> float:
     """Distance to the nearer end [m]: nothing but the reward may show which end is rewarded."""
-    left = distance_to(x, y, trial.terms.left.x, trial.terms.left.y)
-    right = distance_to(x, y, trial.terms.right.x, trial.terms.right.y)
+    left = distance_to(x, y, setup.terms.left.x, setup.terms.left.y)
+    right = distance_to(x, y, setup.terms.right.x, setup.terms.right.y)
     return min(left, right)
 
 
-def _end_step(life: Any, space: Handles, trial: Any) -> None:
+def _end_step(life: Any, space: Handles, setup: Any) -> None:
     """Give the reward if the robot is at an end, and begin the next trial when this one is over."""
-    tally, terms = life.tally[0], trial.terms
+    tally, terms = life.tally[0], setup.terms
     this = life.trials[tally.trial]
     elapsed = tally.step - tally.began
     if this.reached == 0:
         this.nearest = min(this.nearest, tally.goal_distance)
-        if tally.goal_distance < trial.goal_radius:
+        if tally.goal_distance < setup.goal_radius:
             x, y = space.state[0], space.state[1]
             on_left = distance_to(x, y, terms.left.x, terms.left.y) == tally.goal_distance
             this.reached = -1 if on_left else 1

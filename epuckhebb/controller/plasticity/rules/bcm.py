@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from epuckhebb.controller.plasticity.rule import Rule
-from epuckhebb.controller.ranges import check_range
+from epuckhebb.controller.ranges import within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,11 +20,7 @@ class BCM(Rule):
 
     synapse_state: ClassVar = {"threshold": 0.0}  # of the postsynaptic neuron, the same for all synapses onto it
 
-    threshold_time_s: float = 5.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_range(self, "hebbian", "threshold_time_s", above=True)
+    threshold_time_s: float = within(0, above=True, default=5.0)
 
     @staticmethod
     def synapse(correlation: float, post: float, synapse_state: Any, step_s: float, by: Any) -> float:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from epuckhebb.controller.plasticity.rule import Rule
-from epuckhebb.controller.ranges import check_range
+from epuckhebb.controller.ranges import within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,11 +21,7 @@ class Differential(Rule):
 
     synapse_state: ClassVar = {"trace_pre": 0.0, "trace_post": 0.0}
 
-    trace_time_s: float = 0.16
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_range(self, "hebbian", "trace_time_s", above=True)
+    trace_time_s: float = within(0, above=True, default=0.16)
 
     @staticmethod
     def synapse(pre: float, post: float, synapse_state: Any, step_s: float, by: Any) -> float:

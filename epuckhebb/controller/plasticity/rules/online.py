@@ -19,7 +19,7 @@ import numpy as np
 
 from epuckhebb.controller.plasticity.rule import Rule
 from epuckhebb.controller.random import normal
-from epuckhebb.controller.ranges import check_range
+from epuckhebb.controller.ranges import within
 
 _FAR = 2**52  # its random numbers lie where no other noise of a lifetime is
 _MOST = 2**17  # synapses; each has a random number of its own at each step
@@ -33,12 +33,8 @@ class Online(Rule):
 
     N: float = 1.0
     floor: float = 1.0
-    window_s: float = 8.0
-    sigma: float = 0.3
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_range(self, "hebbian", "window_s", "sigma", above=True)
+    window_s: float = within(0, above=True, default=8.0)
+    sigma: float = within(0, above=True, default=0.3)
 
     @staticmethod
     def synapse(

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from epuckhebb.controller.plasticity.rule import Rule
-from epuckhebb.controller.ranges import check_range
+from epuckhebb.controller.ranges import within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,12 +20,8 @@ class Paper(Rule):
 
     synapse_state: ClassVar = {"trace": 0.0}
 
-    trace_decay: float = 0.95
-    trace_update: float = 0.05
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_range(self, "hebbian", "trace_decay", "trace_update", most=1)
+    trace_decay: float = within(0, 1, default=0.95)
+    trace_update: float = within(0, 1, default=0.05)
 
     @staticmethod
     def synapse(correlation: float, synapse_state: Any, by: Any) -> float:

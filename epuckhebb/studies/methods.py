@@ -1,15 +1,13 @@
 """The methods of the leaderboard: rows of `conf/methods.yaml`, files of the user's, or plasticity rules of theirs."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
-from epuckhebb.config import yaml_file
-from epuckhebb.config.overrides import value_text
-from epuckhebb.config.parts import part_class
+from epuckhebb.config import part_class, settings, typed_as
 from epuckhebb.controller.plasticity.rule import InitialWeights
 from epuckhebb.runtime import ConfigError, conf, did_you_mean, path_of
 
@@ -69,12 +67,18 @@ def methods_named(names: Sequence[str], folders: Sequence[Path]) -> list[Method]
 
     names: of methods, `FILE.py:NAME` for a rule, or `all`. folders: with `method/`, first found first taken.
     """
-    own = (file.stem for folder in folders for file in (folder / "method").glob("*.yaml"))
-    known = sorted({*conf.table("method"), *own})
+    files = {file.stem: file for folder in reversed(folders) for file in (folder / "method").glob("*.yaml")}
+    table = {name: conf.files("method")[0] for name in conf.rows("method")}
+    known = dict(sorted({**table, **files}.items()))
     chosen: dict[str, Method] = {}
 
     def read(name: str, why: str, waiting: tuple[str, ...]) -> None:
-        method = _own(name, known) if ".py:" in name else _read(name, why, known, folders)
+        if name not in known and ".py:" not in name:
+            raise ConfigError(
+                f"{why}={name}: a method is one of {', '.join(known)}, or FILE.py:NAME, a rule of your own"
+                f"{did_you_mean(name, known)}"
+            )
+        method = _own(name, known) if ".py:" in name else _read(name, known[name])
         if name in waiting:
             raise ConfigError(f"method {name}: {' is compared with '.join((*waiting, name))}; that leads nowhere")
         if method.name not in chosen:
@@ -97,27 +101,22 @@ def _is_in(groups: Sequence[str], key: str) -> bool:
     return key.partition(".")[0] in groups
 
 
-def _read(name: str, why: str, known: Sequence[str], folders: Sequence[Path]) -> Method:
-    """The method of a row of the table, or of a file of the user's."""
-    if name not in known:
+def _read(name: str, file: Path) -> Method:
+    """A method of the table, or of a file of the user's."""
+    is_row = file == conf.files("method")[0]
+    values = settings(file)[name] if is_row else settings(file)
+    where = f"{file}: {name}" if is_row else str(file)
+    for key in values.keys() - _KEYS:
         raise ConfigError(
-            f"{why}={name}: a method is one of {', '.join(known)}, or FILE.py:NAME, a rule of your own"
-            f"{did_you_mean(name, known)}"
+            f"{where}: {key} is not a key of a method{did_you_mean(key, _KEYS)}; it has {', '.join(_KEYS)}"
         )
-    own = next((file for folder in folders if (file := folder / "method" / f"{name}.yaml").is_file()), None)
-    source = own or f"{conf.files('method')[0]}: {name}"
-    held = yaml_file.load(own) if own else conf.table("method")[name]
-    for key in held.keys() - _KEYS:
-        raise ConfigError(
-            f"{source}: {key} is not a key of a method{did_you_mean(key, _KEYS)}; it has {', '.join(_KEYS)}"
-        )
-    described = conf.rows("method")[name] if own is None else conf.first_comment(own)
+    description = conf.rows("method")[name] if is_row else conf.first_comment(file)
     try:
-        method = msgspec.convert({**held, "name": name, "description": described}, Method)
+        method = msgspec.convert({**values, "name": name, "description": description}, Method)
     except msgspec.ValidationError as error:
-        raise ConfigError(f"{source}: {error}") from error
+        raise ConfigError(f"{where}: {error}") from error
     if wrong := _mistake(method):
-        raise ConfigError(f"{source}: {wrong}")
+        raise ConfigError(f"{where}: {wrong}")
     return method
 
 
@@ -137,7 +136,7 @@ def _mistake(method: Method) -> str:
     return ""
 
 
-def _own(where: str, known: Sequence[str]) -> Method:
+def _own(where: str, known: Collection[str]) -> Method:
     """A rule of the user's own: evolved with the weights if it has something to evolve, added to champions if not."""
     file, _, name = where.rpartition(":")
     path = path_of(file, "methods").absolute()
@@ -150,8 +149,3 @@ def _own(where: str, known: Sequence[str]) -> Method:
         evolve = {**rule, "optimizer": "sep_cma_es", "training": "varied"}
         return Method(name=name, evolve=evolve, matched_control=_OWN_PLAIN, description=f"{described}, evolved")
     return Method(name=name, evaluate=rule, champions_of=_OWN_OVER, description=f"{described}, added")
-
-
-def typed_as(settings: Mapping[str, Any]) -> list[str]:
-    """Settings as they would be typed."""
-    return [f"{key}={value_text(value, key)}" for key, value in settings.items()]

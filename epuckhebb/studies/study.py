@@ -1,0 +1,294 @@
+"""A study: many jobs, then tables, figures and a page over their runs. Each is one file with a subclass of `Study`."""
+
+import copy
+import importlib
+import inspect
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import pandas as pd
+import yaml
+
+from epuckhebb.analysis.tables import Table, pictures
+from epuckhebb.config import (
+    Checked,
+    Plain,
+    class_named,
+    dump,
+    from_values,
+    own_files,
+    own_references,
+    settings,
+    typed_as,
+    values_of,
+)
+from epuckhebb.runtime import ConfigError, JobFailedError, path_of, say
+from epuckhebb.store import OwnFile, Run, RunFolder, digest, fingerprint
+from epuckhebb.studies.jobs import (
+    NO_EFFECT,
+    Job,
+    Outcome,
+    do_job,
+    folder_and_launcher,
+    launch,
+    open_study,
+    split,
+    todo,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_SHOWN = 30  # rows of a table of a user's study that its page and the terminal show
+
+
+@dataclass(kw_only=True)
+class Study(Checked):
+    """Base of all studies. The fields of a subclass are its settings, with which its command is called.
+
+    A study of your own has `plan` and `do`, and as you like `tables`, `figures` and `page`. Its command is
+    `epuckhebb sweep FILE.py:NAME KEY=VALUE ...`; the same command resumes it. The other methods serve the studies of
+    the program, whose jobs depend on each other.
+
+    Attributes:
+        command: Its command.
+        reference: What a worker finds its class by: its command, or FILE.py:NAME.
+        reports_failures: Whether it writes its tables although jobs failed.
+        result: A file that is there when the tables are.
+    """
+
+    command: ClassVar[str] = "sweep"
+    reference: ClassVar[str] = ""
+    reports_failures: ClassVar[bool] = False
+    result: ClassVar[str] = "report.md"
+
+    def plan(self) -> Sequence[Plain]:
+        """The jobs: for each a mapping with all that `do` needs, of values that JSON has."""
+        raise NotImplementedError
+
+    @classmethod
+    def do(cls, job: Plain) -> Mapping[str, pd.DataFrame]:
+        """Do a job; returns its tables by name. The result must depend on `job` and your files alone."""
+        raise NotImplementedError
+
+    def tables(self, runs: Sequence[Run]) -> Mapping[str, pd.DataFrame]:
+        """Tables over all jobs, by name. runs: their folders in the order of `plan`; `run.table("NAME.csv")` reads."""
+        names = [file.name for file in sorted(runs[0].path.glob("*.csv"))]
+        return {name.removesuffix(".csv"): pd.concat([run.table(name) for run in runs]) for name in names}
+
+    def figures(self, run: Run) -> Mapping[str, "Figure"]:  # noqa: ARG002  # others need it
+        """Figures by name, of the tables in the folder of the study. The label of a figure is its caption."""
+        return {}
+
+    def page(self, run: Run, captions: Mapping[str, str]) -> str:
+        """The page of the study in Markdown. captions: of the figures, by name."""
+        parts = [f"# {type(self).__name__}\n", f"{inspect.cleandoc(self.__doc__ or '')}\n", *pictures(captions)]
+        return "\n".join([*parts, *(f"## {one.title}\n\n{one.markdown()}" for one in self.shown(run))])
+
+    @classmethod
+    def shown(cls, run: Run) -> list[Table]:
+        """The tables that the terminal shows of a finished study."""
+        frames = {file.stem: run.table(file.name) for file in sorted(run.path.glob("*.csv"))}
+        return [
+            Table(list(frame), frame.head(_SHOWN).map(_cell).to_numpy().tolist(), name)
+            for name, frame in frames.items()
+        ]
+
+    @classmethod
+    def in_short(cls, run: Run) -> str:
+        """The result in a line."""
+        return f"tables: {', '.join(file.name for file in sorted(run.path.glob('*.csv')))}"
+
+    # What follows is for studies of the program.
+
+    @classmethod
+    def stored(cls, run: Run) -> Self:
+        """The study of a folder, with the settings that it was called with."""
+        return from_values(settings(run.config_file), cls, str(run.path))
+
+    @property
+    def own(self) -> Mapping[Path, OwnFile]:
+        """The user's files on which the study depends."""
+        return own_files({**self.values, "study": self.reference})
+
+    def stages(self) -> list[tuple[str, list[Job]]]:
+        """What is done, one after the other, each with its jobs."""
+        jobs = [
+            Job(number=number, overrides=typed_as(job), run=self.name_of(job), config=job)
+            for number, job in enumerate(self.plan())
+        ]
+        return [("run", jobs)]
+
+    @classmethod
+    def name_of(cls, job: Plain) -> str:
+        """The name of the run of a job, which follows from all that its results depend on."""
+        return job_name("job", {"config": job, "study": cls.reference})
+
+    @classmethod
+    def work(cls, path: Path, job: Plain, facts: dict[str, Any]) -> None:
+        """Do a job in the folder that it is given."""
+        config = job["config"]
+        own = own_files({"study": cls.reference, **config})
+        text = yaml.safe_dump(config, sort_keys=False)
+        with RunFolder.new(path, cls.command, text, job["overrides"], facts, own) as run:
+            for name, table in cls.do(config).items():
+                run.write(f"{name}.csv", table)
+
+    def folder(self, jobs: Sequence[Job]) -> Path:
+        """The folder of the study unless the user names one, by all that it depends on."""
+        return Path("runs") / self.command / f"{self.label}_{digest([job.run for job in jobs])[:8]}"
+
+    @property
+    def label(self) -> str:
+        """The first part of the name of its folder."""
+        return type(self).__name__
+
+    @property
+    def config_text(self) -> str | None:
+        """Its settings as YAML; None if each job has its own."""
+        return dump(self)
+
+    def report(self, folder: RunFolder, planned: "Planned", outcome: Outcome) -> None:  # noqa: ARG002  # others need it
+        """Write the tables, the figures and the page over all runs."""
+        for name, table in self.tables([Run(folder.path / job.run) for job in planned.jobs]).items():
+            folder.write(f"{name}.csv", table)
+        self.write_page(folder)
+
+    def write_page(self, folder: RunFolder) -> None:
+        """Write the figures, and the page as Markdown and as HTML."""
+        from epuckhebb.analysis import report
+        from epuckhebb.analysis.image import image, small  # matplotlib takes a while to load
+
+        run = Run(folder.path)
+        figures = {f"{name}.png": figure for name, figure in self.figures(run).items()}
+        captions = {name: str(figure.get_label()) or name for name, figure in figures.items()}
+        pictures = {name: small(image(figure)) for name, figure in figures.items()}
+        for name, picture in pictures.items():
+            folder.write(f"figures/{name}", picture)
+        text = self.page(run, captions)
+        folder.write("report.md", text)
+        title = text.partition("\n")[0].removeprefix("# ")
+        folder.write("report.html", report.html(text, pictures.__getitem__, f"epuckhebb: {title}"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Planned:
+    """A study, its jobs and its folder; the arguments of Hydra's launcher, and what followed the command."""
+
+    study: Study
+    stages: list[tuple[str, list[Job]]]
+    folder: Path
+    launcher: list[str]
+    arguments: list[str]
+
+    @property
+    def jobs(self) -> list[Job]:
+        """All jobs, in the order in which they need each other."""
+        return [job for _, jobs in self.stages for job in jobs]
+
+    def failure(self, outcome: Outcome) -> str:
+        """What failed, in short; "" if nothing did."""
+        if not outcome.failures:
+            return ""
+        skipped = f", {outcome.skipped} left out" if outcome.skipped else ""
+        job, why = outcome.failures[0]
+        return f"{len(outcome.failures)} of {len(self.jobs)} jobs{skipped}; {job.run}: {why}"
+
+
+def prepare(study: Study, of_hydra: Sequence[str], arguments: list[str]) -> Planned:
+    """List the jobs of a study; nothing is written. of_hydra: overrides of Hydra's own. arguments: as of `Planned`."""
+    stages = study.stages()
+    jobs = [job for _, of_stage in stages for job in of_stage]
+    folder, launcher = folder_and_launcher(of_hydra, study.folder(jobs), len(jobs))
+    return Planned(study=study, stages=stages, folder=folder, launcher=launcher, arguments=arguments)
+
+
+def plan_own(reference: str, arguments: list[str]) -> Planned:
+    """Plan a study of the user's. reference: FILE.py:NAME. arguments: overrides, of the study and of Hydra."""
+    own, of_hydra = split("sweep", arguments)
+    study = from_values(values_of(own), _own_study(reference), f"sweep {reference}")
+    try:
+        return prepare(study, of_hydra, [reference, *arguments])
+    except ConfigError:
+        raise
+    except Exception as error:  # what a user's plan may raise has no end
+        raise ConfigError(f"sweep {reference}: {type(error).__name__}: {error}") from error
+
+
+def conduct(planned: Planned, *, fail_fast: bool = False) -> Outcome:
+    """Do the jobs that are missing, one stage after the other, then write tables, figures and page.
+
+    Raises:
+        JobFailedError: A job failed, and the study writes nothing of the others.
+    """
+    study = planned.study
+    config = None if study.config_text is None else study
+    with open_study(planned.folder, study.command, config, planned.arguments, planned.jobs, study.own) as folder:
+        for what, jobs in planned.stages:
+            missing = len(todo(folder.path, jobs))
+            say(f"{what}: {len(jobs)} jobs, {len(jobs) - missing} done before, {missing} to do.")
+            outcome = launch(folder, study.reference, jobs, planned.launcher, study_job, fail_fast=fail_fast)
+            if outcome.failures and not study.reports_failures:
+                raise JobFailedError(f"{what}: {planned.failure(outcome)}")
+        study.report(folder, planned, outcome)
+        folder.remove_stale()  # an earlier call with other jobs may have used the folder
+    return outcome
+
+
+def study_job(cfg: Any) -> None:
+    """Do one job of a study, as a job of Hydra's."""
+
+    def of_name(reference: str) -> tuple[Any, Any]:
+        kind = study_named(reference)
+        return kind.name_of, kind.work
+
+    do_job(cfg, of_name)
+
+
+def load_studies() -> None:
+    """Load the studies of the program, which registers their keys."""
+    for command in ("flock", "leaderboard", "reproduce"):
+        study_named(command)
+
+
+def study_named(reference: str) -> type[Study]:
+    """The class of a study by its command, or by FILE.py:NAME."""
+    if ":" in reference:
+        return _own_study(reference)
+    module = importlib.import_module(f"epuckhebb.studies.{reference}")
+    kinds = (kind for kind in vars(module).values() if isinstance(kind, type) and issubclass(kind, Study))
+    return next(kind for kind in kinds if kind.__module__ == module.__name__ and kind.reference == reference)
+
+
+def job_name(kind: str, depends: Plain) -> str:
+    """The name of the run of a job: by what it depends on, the user's files, wherever they are, and the program."""
+    own = own_files(depends)
+    depends = copy.deepcopy(depends)
+    for part in (depends, depends.get("config", {})):
+        for key in NO_EFFECT:
+            part.pop(key, None)
+    for part, key, _, name in list(own_references(depends)):
+        part[key] = name
+    return f"{kind}_{fingerprint(depends, own=[file.digest for file in own.values()])}"
+
+
+def study_in(run: Run) -> type[Study] | None:
+    """The class of the study of a folder; None if it is the folder of something else."""
+    return study_named(run.json("sweep.json")["name"]) if run.has("sweep.json") else None
+
+
+def _own_study(reference: str) -> type[Study]:
+    file, _, name = reference.rpartition(":")
+    path = path_of(file, "sweep").absolute()
+    kind = class_named(f"{path}:{name}", Study, "sweep")
+    for method in ("plan", "do"):
+        if inspect.getattr_static(kind, method) is inspect.getattr_static(Study, method):
+            raise ConfigError(f"sweep {reference}: the study has no method `{method}`")
+    kind.reference = f"{path}:{name}"
+    return kind
+
+
+def _cell(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,163 @@
+"""Who runs a lifetime: genes and their network, and a controller, which is a plasticity rule and an adaptation."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.compiling.kernel import compiled, nothing, one
+from epuckhebb.controller.network import PAPER_NETWORK, Network
+from epuckhebb.controller.plasticity.control import Sign
+from epuckhebb.controller.plasticity.rule import NO_RULE, NoRule, Rule
+from epuckhebb.controller.wiring import Wiring
+from epuckhebb.tmaze.maze import Pose, Side
+from epuckhebb.tmaze.robot import Robot
+
+# Classes of knowledge, from less to more that is given; the last one is a robot without a network. No method has a
+# sensor model any more; tables that were made before name it.
+CLASSES = ("senses", "live fitness", "clock", "goal signal", "sensor model", "hand-written robot")
+GA, HEBBIAN = "GA", "Hebbian"  # in the paper's words
+CONTROLS = {Sign.hebbian: HEBBIAN, Sign.anti: "anti-Hebbian", Sign.shuffled: "shuffled signs"}
+
+
+class Hooks(NamedTuple):
+    """The functions of an adaptation that a lifetime calls.
+
+    scale(life, setup, step): scales the light readings. open_gate(life, setup, fitness, step): the need g for
+    plasticity at this step. explore(life, setup, left, right): the wheels' commands, from the network's outputs.
+    resets: whether the weights become the genes where the gate closes.
+    """
+
+    scale: Callable[..., None]
+    open_gate: Callable[..., float]
+    explore: Callable[..., tuple[float, float]]
+    resets: bool
+
+
+_as_it_is = compiled(lambda _life, _setup, left, right: (left, right))
+NO_HOOKS = Hooks(scale=nothing, open_gate=one, explore=_as_it_is, resets=False)
+
+
+@dataclass(kw_only=True)
+class NoAdaptation:
+    """What a lifetime asks of an adaptation; this one does nothing. `epuckhebb.adaptation` has the others.
+
+    name: in tables.
+    """
+
+    name: str = "none"
+
+    @property
+    def acts(self) -> bool:
+        """Whether it does anything."""
+        return False
+
+    @property
+    def is_gated(self) -> bool:
+        """Whether a signal of change opens and closes a gate."""
+        return False
+
+    @property
+    def homeostasis(self) -> bool:
+        """Whether it scales the weights from the light sensors."""
+        return False
+
+    @property
+    def needs_arrival(self) -> bool:
+        """Whether it compares with the time at which the champion reached its goal in training."""
+        return False
+
+    @property
+    def is_network_unused(self) -> bool:
+        """Whether the robot is driven by hand-written code alone."""
+        return False
+
+    @property
+    def knowledge(self) -> tuple[str, ...]:
+        """What it is given or what was written by hand, beside its senses."""
+        return ()
+
+    @property
+    def parts(self) -> tuple[Any, ...]:
+        """What its functions are made from, besides the robot and the network."""
+        return ()
+
+    def check(self, rule: Rule, duration_s: float, wiring: Wiring | None) -> None:
+        """Check that it goes with a rule, a lifetime's length and a network; else a ValueError."""
+
+    def hooks(self, robot: Robot, post: int) -> Hooks:  # noqa: ARG002  # others need it
+        """The functions that a lifetime calls. post: how many neurons the first layer of connections leads to."""
+        return NO_HOOKS
+
+    def numbers(self) -> Any:
+        """The settings that these functions need, as numbers."""
+        return ()
+
+    def initial_state(self, robot: Robot) -> Any:  # noqa: ARG002  # others need it
+        """What these functions store from step to step, before the first one."""
+        return ()
+
+    def no_nominal(self, robot: Robot) -> Any:  # noqa: ARG002  # others need it
+        """Nominal statistics for an individual that has none."""
+        return ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Controller:
+    """What controls a robot besides its genes, as tables name it.
+
+    name: in tables. rule: how the weights change. adaptation: when they do, and what else happens then.
+    """
+
+    name: str = GA
+    rule: Rule = NO_RULE
+    adaptation: NoAdaptation = field(default_factory=NoAdaptation)
+
+    @property
+    def is_ga_alone(self) -> bool:
+        """Whether it is the control: the network alone, without plasticity or adaptation."""
+        return isinstance(self.rule, NoRule) and not self.adaptation.acts
+
+    @property
+    def knowledge(self) -> tuple[str, ...]:
+        """What it uses: its senses, what it is given, and what was written by hand."""
+        synapse = self.rule.synapse.__code__
+        takes_fitness = "fitness" in synapse.co_varnames[: synapse.co_argcount]
+        learns_by_fitness = not isinstance(self.rule, NoRule) and (self.rule.floor < 1 or takes_fitness)
+        return ("senses", *(["live fitness"] if learns_by_fitness else []), *self.adaptation.knowledge)
+
+    @property
+    def knowledge_class(self) -> str:
+        """The one of `CLASSES` by which it is compared."""
+        if self.adaptation.is_network_unused:
+            return CLASSES[-1]
+        return max((kind for kind in self.knowledge if kind in CLASSES), key=CLASSES.index)
+
+
+GA_ALONE = Controller()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Individual:
+    """What one lifetime needs besides its world: genes and their network, a side, a controller, a noise key, a start.
+
+    genes: of all parts of the genome (`controller.genome`), 234 in the paper. key: of all noise. task_key: of the
+    task's random numbers; individuals that are compared have the same, and so have both sides. start: None for the
+    maze's. signs: of the plastic updates, (synapses,), None for the rule's sign; shuffled ones must be given. nominal:
+    what an adaptation compares with. record: whether samples are recorded. after: whose lifetime comes before, where
+    the live fitness carries its history.
+    """
+
+    genes: Floats
+    side: Side
+    key: np.uint64
+    controller: Controller = GA_ALONE
+    network: Network = PAPER_NETWORK
+    start: Pose | None = None
+    task_key: int = 0
+    signs: Floats | None = None
+    nominal: Any = None
+    record: bool = False
+    after: "Individual | None" = None
