@@ -110,9 +110,3 @@ def test_as_a_user_meets_it():
     done("evaluate", *words)
     rows = pd.read_csv("run/metrics.csv")
     assert set(rows.controller) == {"GA", "homeostasis"}
-
-
-def test_invalid_statistics_are_refused(nominal):
-    for name, value in (("novelty", 0.0), ("patterns", np.full((PATTERNS, 8), 2.0))):
-        with pytest.raises(ValueError, match=name):
-            replace(nominal, **{name: value})

@@ -21,7 +21,7 @@ def test_layout_adds_up():
         assert sum(network.layers) + 1 == network.neurons
         assert network.first_output == network.neurons - 2
         assert tuple(np.cumsum([0] + [n * m for n, m in network.shapes])[:-1]) == network.first_synapse
-        assert tuple(np.cumsum([0, *network.pre])) == network.first_neuron
+        assert tuple(np.cumsum([0, *(n for n, _ in network.shapes)])) == network.first_neuron
         assert [layer.shape for layer in by_layer(network, np.zeros(network.synapses))] == network.shapes
 
 

@@ -10,7 +10,7 @@ import epuckhebb
 from epuckhebb.analysis import findings, tables
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvaluateConfig, typed
-from epuckhebb.export.replay import recording, write_page
+from epuckhebb.export.replay import replay
 from epuckhebb.runs.notes import notes_of, showcase
 from epuckhebb.store.genome import load_genome
 from epuckhebb.store.run import Run
@@ -61,7 +61,7 @@ def test_the_note_stands_in_the_terminal_in_the_table_and_on_the_page():
     assert note in " ".join(result.stdout.split())
     assert note in repr(epuckhebb.evaluate("reference", *LOWLIGHT))
     assert tables.plain(note) in Path("run/table.md").read_text()
-    write_page(recording(Path("run")), Path("page.html"))
+    replay(Path("run"), Path("page.html"))
     assert f"<p>{note.replace(chr(39), '&#x27;')}</p>" in Path("page.html").read_text()
 
 

@@ -11,7 +11,7 @@ from cases import done
 
 from epuckhebb.config.compose import load
 from epuckhebb.config.schema import EvaluateConfig
-from epuckhebb.export.replay import recording, write_page
+from epuckhebb.export.replay import page_of, recording
 from epuckhebb.gym import TMaze
 from epuckhebb.live.world import LiveWorld
 from epuckhebb.runs import prepare_evaluation, repeat
@@ -121,7 +121,7 @@ def test_a_world_may_change_meanwhile(genomes):
 @needs_ode
 def test_a_robot_that_falls_over_ends_its_lifetime_with_a_reason(genomes):
     asked = config("physics.put_down=[1,0,0,1.2]")
-    with pytest.raises(LostRobotError, match="not upright on the floor any more"):
+    with pytest.raises(LostRobotError, match="left the arena"):
         run_lifetimes([individual(genomes[0])], asked.world, Lifetime(duration_s=2))
 
 
@@ -189,7 +189,7 @@ def test_a_life_changed_by_hand_is_kept_with_roll_and_pitch_and_repeats(here):
         assert np.abs(arrays["tilt"]).max() > 0
     again, difference = repeat(run.path)
     assert difference == ""
-    write_page(recording(again), here / "replay.html")
+    assert page_of(recording(again))
 
 
 @needs_ode

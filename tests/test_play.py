@@ -18,7 +18,7 @@ import pytest
 from cases import refused
 
 import epuckhebb
-from epuckhebb.export.replay import recording, write_page
+from epuckhebb.export.replay import page_of, recording
 from epuckhebb.live import page, server
 from epuckhebb.live import world as live_world
 from epuckhebb.live.server import Play
@@ -87,8 +87,7 @@ def test_a_saved_life_is_the_one_that_was_seen(here, words, side):
     again, difference = repeat(run)
     assert difference == ""
     recorded = recording(again)
-    write_page(recorded, here / "replay.html")
-    assert (here / "replay.html").read_text(encoding="utf-8").count('"byHand":true') == 150
+    assert page_of(recorded).count('"byHand":true') == 150
     assert "150 changes by hand" in recorded.title
     assert "scenario.hand=" in saved.command
 

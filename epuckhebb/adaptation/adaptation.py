@@ -113,9 +113,9 @@ class Adaptation(NoAdaptation):
                 )
 
     @property
-    def parts(self) -> "Parts":
-        """See `NoAdaptation`."""
-        return Parts(*(getattr(self, name) for name in Parts._fields))
+    def parts(self) -> "Parts | tuple[()]":
+        """See `NoAdaptation`; one that does nothing has none, so that its kernel has one name."""
+        return Parts(*(getattr(self, name) for name in Parts._fields)) if self.acts else ()
 
     @property
     def is_gated(self) -> bool:
@@ -179,13 +179,13 @@ class Adaptation(NoAdaptation):
                 "of the paper's live fitness; give another signal, or another adaptation"
             )
 
-    def numbers(self) -> "Gate":
+    def numbers(self) -> Any:
         """See `NoAdaptation`."""
-        return Gate(*(float(getattr(self, name)) for name in Gate._fields))
+        return Gate(*(float(getattr(self, name)) for name in Gate._fields)) if self.acts else ()
 
     def hooks(self, robot: Robot, post: int) -> Hooks:
         """See `NoAdaptation`."""
-        return _hooks(self.parts, robot, post) if self.acts else super().hooks(robot, post)
+        return _hooks(self.parts, robot, post) if isinstance(self.parts, Parts) else super().hooks(robot, post)
 
     def initial_state(self, robot: Robot) -> Any:
         """See `NoAdaptation`."""

@@ -20,15 +20,12 @@ from epuckhebb.tmaze.batch import run_lifetimes
 from epuckhebb.tmaze.individual import Individual
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.maze import SIDES, Place, Side
-from epuckhebb.tmaze.outcome import Outcome
 from epuckhebb.tmaze.robot import STEP_S
 from epuckhebb.tmaze.samples import Samples
-from epuckhebb.tmaze.scenario import EXPERIMENTS, Scenario
+from epuckhebb.tmaze.scenario import Scenario
 
 REPEATS = 10  # lifetimes a side
 _RECORD_EVERY = EVERY  # steps: eight samples a second
-_SHARES = ("success", "fitness", "reading_mean", "reading_spread", "patterns")
-_MOST = {"time_to_goal_s": np.inf, "away_s": np.inf, **dict.fromkeys(_SHARES, 1)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,19 +50,6 @@ class Nominal:
     patterns: Floats
     novelty: float
 
-    def __post_init__(self) -> None:
-        if self.experiment not in EXPERIMENTS:
-            raise ValueError(f"experiment must be one of {', '.join(EXPERIMENTS)}, got {self.experiment!r}")
-        if not 0 < self.gain_rad_s < np.inf:
-            raise ValueError(f"gain_rad_s must be more than 0, got {self.gain_rad_s}")
-        if not self.novelty > 0:
-            raise ValueError(f"novelty must be more than 0, got {self.novelty}")
-        for name, most in _MOST.items():
-            values = getattr(self, name)
-            never = np.isnan(values) if name == "time_to_goal_s" else False
-            if not (never | ((values >= 0) & (values <= most) & np.isfinite(values))).all():
-                raise ValueError(f"{name} must lie between 0 and {most:g}, got {values.min():g} to {values.max():g}")
-
     def of(self, side: Side) -> NominalOfSide:
         """The statistics for this side."""
         k = SIDES.index(side)
@@ -81,9 +65,6 @@ class Nominal:
         )
 
 
-Recorded = list[tuple[Outcome, Samples]]
-
-
 def measure_nominal(
     genes: Floats, scenario: Scenario, gain_rad_s: float = 1.0, threads: int = 1, network: Network = PAPER_NETWORK
 ) -> Nominal:
@@ -95,16 +76,8 @@ def measure_nominal(
     Raises:
         LostRobotError: a pose stopped being finite.
     """
-    return nominal_of(run_in_training_world(genes, scenario, gain_rad_s, threads, network), scenario, gain_rad_s)
-
-
-def run_in_training_world(
-    genes: Floats, scenario: Scenario, gain_rad_s: float = 1.0, threads: int = 1, network: Network = PAPER_NETWORK
-) -> list[Recorded]:
-    """Ten recorded lifetimes a side in the training world, without plasticity; see `measure_nominal`."""
-    lifetime = Lifetime(
-        duration_s=scenario.paper_duration_s / gain_rad_s, gain_rad_s=gain_rad_s, record_every=_RECORD_EVERY
-    )
+    duration_s = scenario.paper_duration_s / gain_rad_s
+    lifetime = Lifetime(duration_s=duration_s, gain_rad_s=gain_rad_s, record_every=_RECORD_EVERY)
     place = zlib.crc32(genes.tobytes())
     individuals = [
         Individual(
@@ -118,15 +91,11 @@ def run_in_training_world(
         for repeat in range(REPEATS)
     ]
     recorded = run_lifetimes(individuals, scenario, lifetime, threads)
-    return [recorded[:REPEATS], recorded[REPEATS:]]
-
-
-def nominal_of(sides: list[Recorded], scenario: Scenario, gain_rad_s: float) -> Nominal:
-    """The nominal statistics of these lifetimes, of `run_in_training_world`."""
+    sides = recorded[:REPEATS], recorded[REPEATS:]
     arrivals = np.array([[outcome.time_to_goal for outcome, _ in side] for side in sides])
     readings = [np.concatenate([samples.sensors for _, samples in side]) for side in sides]
     lights = scenario.robot.inputs_of(scenario.robot.light)
-    patterns, novelty = light_patterns([1.0 - samples.sensors[:, lights] for side in sides for _, samples in side])
+    patterns, novelty = light_patterns([1.0 - samples.sensors[:, lights] for _, samples in recorded])
     goals, radius = [scenario.goals_now[name] for name in SIDES], scenario.maze.goal_radius_m
     away = [
         max(_longest_away(samples, goal, radius) for _, samples in side)

@@ -1,8 +1,8 @@
 """The lifetimes of many evaluations in one table: each lifetime once, each genome with a name of its own."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import pandas as pd
@@ -31,8 +31,7 @@ class Evaluated:
     """One evaluation of many."""
 
     settings: Mapping[str, Any]  # by key
-    where: str  # path of its genome; empty for an array
-    sha256: str  # of its genes
+    sha256: str  # of the genes of its genome
     ids: Mapping[str, str]  # for each controller, a digest of all that its lifetimes depend on but side, repeat, seed
     rows: pd.DataFrame  # its lifetimes, with the columns of `metrics.csv`
     place: Mapping[str, str] = field(default_factory=dict)  # more columns, before all others
@@ -75,7 +74,7 @@ def gather(evaluations: Sequence[Evaluated]) -> Gathered:
     again = whole.duplicated(_LIFETIME)
     rows = whole[~again].drop(columns=["_id", "_number"]).reset_index(drop=True)
     settings = list(dict.fromkeys(map(_column, keys)))
-    return Gathered(rows, settings, _repeated(whole, again, evaluations))
+    return Gathered(rows, settings, repeated(len(set(whole._number) - set(whole._number[~again]))))
 
 
 def _column(key: str) -> str:
@@ -89,47 +88,17 @@ def is_of_plasticity(key: str) -> bool:
 
 
 def _names(evaluations: Sequence[Evaluated]) -> dict[tuple[str, str], str]:
-    """A name for each genome, by experiment and SHA-256: its first name, or a longer one if two share it."""
-    found: dict[tuple[str, str], dict[str, str]] = {}  # experiment and name -> SHA-256 -> where
-    known: set[tuple[str, str]] = set()
+    """A name for each genome, by experiment and SHA-256: its first name, and the SHA-256 where two share it."""
+    names: dict[tuple[str, str], str] = {}
     for one in evaluations:
-        first = one.rows.iloc[0]
-        if (first.experiment, one.sha256) not in known:
-            known.add((first.experiment, one.sha256))
-            found.setdefault((first.experiment, first.genome), {})[one.sha256] = one.where
+        names.setdefault((one.rows.experiment.iloc[0], one.sha256), one.rows.genome.iloc[0])
+    shared = Counter((experiment, name) for (experiment, _), name in names.items())
     return {
-        (experiment, sha256): own
-        for (experiment, name), genomes in found.items()
-        for sha256, own in zip(genomes, _distinct(name, genomes), strict=True)
+        (experiment, sha256): name if shared[experiment, name] == 1 else f"{name}_{sha256[:8]}"
+        for (experiment, sha256), name in names.items()
     }
 
 
-def _distinct(name: str, genomes: Mapping[str, str]) -> list[str]:
-    """Names for genomes of the same name: the shortest ends of their paths that differ, else digests."""
-    if len(genomes) == 1:
-        return [name]
-    paths = [Path(where) for where in genomes.values()]
-    parts = [(path.with_suffix("") if path.suffix in (".npz", ".npy") else path).parts for path in paths]
-    for length in range(2, max(map(len, parts)) + 1):
-        ends = [Path(*own[-length:]).as_posix() for own in parts]
-        if len(set(ends)) == len(ends):
-            return ends
-    return [f"{name}_{number}_{sha256[:8]}" for number, sha256 in enumerate(genomes, start=1)]
-
-
-def _repeated(whole: pd.DataFrame, again: pd.Series, evaluations: Sequence[Evaluated]) -> str:
-    without = sorted(set(whole._number) - set(whole._number[~again]))
-    if not without:
-        return ""
-    place = list(whole.loc[whole._number == without[0], _LIFETIME].iloc[0])
-    same = whole[~again & (whole[_LIFETIME] == place).all(axis=1)]._number.iloc[0]
-    return repeated(len(without), evaluations[without[0]].settings, evaluations[same].settings)
-
-
-def repeated(count: int, later: Mapping[str, Any], before: Mapping[str, Any]) -> str:
-    """A line on evaluations that repeat others; later, before: the settings of the first one and of what it repeats."""
-    differ = [key for key in later if later[key] != before.get(key, "")] or list(later)
-    given, first = (", ".join(f"{key}={of.get(key, '')}" for key in differ) for of in (later, before))
-    which = f"{given} is given twice" if given == first else f"{given} repeats {first}"
-    more = f", and {count - 1} more like it" if count > 1 else ""
-    return f"{which}{more}; each lifetime counts once."
+def repeated(count: int) -> str:
+    """A line on so many evaluations that repeat others; empty for none."""
+    return f"{count} of the evaluations repeat{'s' * (count == 1)} another; each lifetime counts once." if count else ""

@@ -122,9 +122,9 @@ def _described(place: dict[str, Any], differ: list[str]) -> Iterator[str]:
 def rescue_and_harm(rows: pd.DataFrame) -> tuple[dict[str, pd.DataFrame], str] | None:
     """Rescue and harm: tables by their names, and a page in Markdown.
 
-    None unless each of several champions ran once in its training world and in changed worlds: see `no_rescue`.
+    None unless each of several champions ran once in its training world and in changed worlds.
     """
-    if not _can_rescue(rows) or no_rescue(rows, []):
+    if not _can_rescue(rows):
         return None
     lifetimes = rows[list(COLUMNS)].apply(_numbers)
     each = findings.trials(lifetimes)
@@ -139,27 +139,11 @@ def rescue_and_harm(rows: pd.DataFrame) -> tuple[dict[str, pd.DataFrame], str] |
 
 
 def _can_rescue(rows: pd.DataFrame) -> bool:
-    """Whether there are several champions with plasticity, in a task with one goal."""
-    return has_champions(rows) and bool((rows.controller != GA).any()) and not _rewarded(rows)
-
-
-def no_rescue(rows: pd.DataFrame, settings: list[str]) -> str:
-    """Why rescue and harm of several champions are not counted, and what to set; empty if they are."""
-    if not _can_rescue(rows):
-        return ""
-    worlds = list(dict.fromkeys(rows.scenario))
-    needed = [TRAINED[experiment] for experiment in dict.fromkeys(rows.experiment)]
-    if missing := [world for world in needed if world not in worlds]:
-        wanted = ",".join([*missing, *worlds])
-        return f"To count what plasticity rescues and harms, add the training world: scenario={wanted}"
+    """Whether several champions with plasticity ran once in their training world and in others, for one goal."""
+    if not has_champions(rows) or not (rows.controller != GA).any() or _rewarded(rows) or rows.duplicated(_TRIAL).any():
+        return False
     visited = rows.groupby(["experiment", "genome"]).scenario.agg(set)
-    if not all(TRAINED[experiment] in own and len(own) > 1 for (experiment, _), own in visited.items()):
-        return f"To count what plasticity rescues and harms, add changed worlds: scenario={','.join(worlds)},..."
-    if rows.duplicated(_TRIAL).any():
-        known = ("genome", "scenario", "N")
-        differ = ", ".join(key for key in settings if key not in known and rows[key].nunique() > 1) or "another setting"
-        return f"Rescue and harm are not counted, because {differ} differs too; give it one value."
-    return ""
+    return all(TRAINED[experiment] in worlds and len(worlds) > 1 for (experiment, _), worlds in visited.items())
 
 
 def _numbers(column: pd.Series) -> pd.Series:

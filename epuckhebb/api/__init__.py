@@ -206,9 +206,8 @@ def sweep(
             quick = {"lifetime.record_every": 0, **keys, **job}
             given = quick.pop("genome", genome)
             result = evaluate(given, *overrides, config_dir=config_dir, progress=False, **quick)
-            where = str(given) if isinstance(given, str | Path) else ""
             sha256, ids = result.genome.sha256, result.prepared.lifetime_ids
-            evaluations.append(Evaluated(settings=settings, where=where, sha256=sha256, ids=ids, rows=result.metrics))
+            evaluations.append(Evaluated(settings=settings, sha256=sha256, ids=ids, rows=result.metrics))
     gathered = gather(evaluations)
     be_quiet(not progress)
     if gathered.repeated:

@@ -82,11 +82,9 @@ def evaluate(overrides: Overrides = None, open_page: Open = False, *, options: R
     words = as_evolved(with_genomes_named(overrides), options.config_dir)
     runs = run_command("evaluate", evaluate_job, prepare_evaluation, words, options, reports=True)
     if open_page:
-        from epuckhebb.export.replay import recording, write_page
+        from epuckhebb.export.replay import replay as write_replay
 
-        page = runs[0] / "replay.html"
-        write_page(recording(runs[0]), page)
-        open_in_browser(page)
+        open_in_browser(*write_replay(runs[0]))
 
 
 @app.command(cls=Command)
@@ -102,35 +100,16 @@ def replay(
     open_page: Open = False,
 ) -> None:
     """A page, or a film, to watch lifetimes or a flock."""
-    from epuckhebb.analysis import movie
-    from epuckhebb.export.replay import recording, require_video, write, write_movie, write_page
-    from epuckhebb.store import Run as Folder
+    from epuckhebb.export.replay import replay as write_replay
     from epuckhebb.store import resolve_run
 
-    if mp4:
-        require_video()
     run = resolve_run(run, "evaluate", "flock")
-    page, written = output or run / "replay.html", []
-    if Folder(run).has("flock.csv"):
-        from epuckhebb.studies.flock import replay_page
-
-        if gif or mp4:
-            raise ConfigError("--gif and --mp4 are for runs of `epuckhebb evaluate`; a flock is replayed as a page")
-        write(page, replay_page(run).encode())
-        written.append(page)
-    else:
-        recorded = recording(run)
-        if output or open_page or not (gif or mp4):
-            write_page(recorded, page)
-            written.append(page)
-        for target, make in ((gif, movie.gif), (mp4, movie.mp4)):
-            if target:
-                write_movie(recorded, target, make)
-                written.append(target)
-    for path in written:
-        typer.echo(path)
+    page = output or (run / "replay.html" if open_page else None)
+    files = write_replay(run, page, gif, mp4)
+    for file in files:
+        typer.echo(file)
     if open_page:
-        open_in_browser(page)
+        open_in_browser(files[0])
 
 
 @app.command(cls=Command)
@@ -314,10 +293,10 @@ def export(
             f"export writes controllers for Webots: type `epuckhebb export {what} --webots`. {what} is a run of "
             "`epuckhebb evaluate`, or a champion: a run of `epuckhebb evolve`, latest, a file, or reference_7"
         )
-    written = exported.webots(what, output)
-    for file in written:
+    files, next_step = exported.webots(what, output)
+    for file in files:
         typer.echo(file)
-    typer.echo(exported.next_step(written[0]))
+    typer.echo(next_step)
 
 
 @app.command(cls=Command)

@@ -60,20 +60,17 @@ class GenomePlan:
     @property
     def of_rule(self) -> "GenomePlan":
         """The parts that are parameters of a rule: all but those of the network."""
-        return GenomePlan(tuple(part for part in self.parts if not _is_of_network(part)))
+        return GenomePlan(tuple(part for part in self.parts if part not in self.of_network.parts))
 
     @property
     def of_network(self) -> "GenomePlan":
         """The parts that are the network: its weights, and the parameters of its neurons."""
-        return GenomePlan(tuple(part for part in self.parts if _is_of_network(part)))
+        parts = (part for part in self.parts if part.name == WEIGHTS or part.name.startswith(NEURON))
+        return GenomePlan(tuple(parts))
 
     def text(self) -> str:
         """The parts in words, for example "234 weights"."""
         return ", ".join(f"{part.size} {part.name}" for part in self.parts)
-
-
-def _is_of_network(part: Part) -> bool:
-    return part.name == WEIGHTS or part.name.startswith(NEURON)
 
 
 def plan_of(network: Network, rule: type[Rule] = NoRule) -> GenomePlan:

@@ -64,11 +64,6 @@ class Network:
         return self.inputs
 
     @cached_property
-    def pre(self) -> tuple[int, ...]:
-        """How many presynaptic neurons each layer of connections has; the first counts the bias."""
-        return (self.inputs + 1, *self.layers[1:-1])
-
-    @cached_property
     def post(self) -> tuple[int, ...]:
         """How many postsynaptic neurons each layer of connections has."""
         return self.layers[1:]
@@ -85,8 +80,8 @@ class Network:
 
     @cached_property
     def shapes(self) -> list[tuple[int, int]]:
-        """(presynaptic, postsynaptic) neurons of each layer of connections."""
-        return list(zip(self.pre, self.post, strict=True))
+        """(presynaptic, postsynaptic) neurons of each layer of connections; the first counts the bias."""
+        return list(zip((self.inputs + 1, *self.layers[1:-1]), self.post, strict=True))
 
     @cached_property
     def connections(self) -> list[tuple[int, ...]]:

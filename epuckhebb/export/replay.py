@@ -9,13 +9,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.analysis import replay
+from epuckhebb.analysis import movie
+from epuckhebb.analysis import replay as pages
 from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.config import EvaluateConfig, from_values, hand, settings, without_own_code
 from epuckhebb.controller.network import Network
 from epuckhebb.runs import caption
 from epuckhebb.runtime import ConfigError, track
 from epuckhebb.store import Run, read_traces, write_atomic
+from epuckhebb.studies.flock import replay_page
 
 
 @dataclass(frozen=True)
@@ -58,29 +60,37 @@ def recording(path: Path) -> Recording:
     return Recording(traces, weights, network, config, title, facts.get("notes", []))
 
 
-def write_page(recorded: Recording, target: Path) -> None:
-    """Write the page of a recording."""
+def replay(run: Path, page: Path | None = None, gif: Path | None = None, mp4: Path | None = None) -> list[Path]:
+    """Write what a run, or a study of flocks, recorded as a page, a GIF or a film; returns the files.
+
+    page: written in the run's folder if no file is named. The progress of a GIF or a film is shown on standard error.
+    """
+    if mp4 and find_spec("imageio_ffmpeg") is None:
+        raise ConfigError('--mp4 needs imageio-ffmpeg, which is not installed: pip install "epuckhebb[video]"')
+    page = page or (None if gif or mp4 else run / "replay.html")
+    content: dict[Path, Callable[[], bytes]] = {}
+    if Run(run).has("flock.csv"):
+        if page is None or gif or mp4:
+            raise ConfigError("--gif and --mp4 are for runs of `epuckhebb evaluate`; a flock is replayed as a page")
+        content[page] = lambda: replay_page(run).encode()
+    else:
+        recorded = recording(run)
+        shown = recorded.traces, recorded.config.world, recorded.title
+        if page:
+            content[page] = lambda: page_of(recorded).encode()
+        for film, make in ((gif, movie.gif), (mp4, movie.mp4)):
+            if film:
+                content[film] = functools.partial(make, *shown, functools.partial(track, film.name))
+    for file, make_content in content.items():
+        try:
+            write_atomic(file, make_content())
+        except OSError as error:
+            raise ConfigError(f"cannot write {file}: {error.strerror}") from error
+    return list(content)
+
+
+def page_of(recorded: Recording) -> str:
+    """The page of a recording."""
     title, world, gain = recorded.title, recorded.config.world, recorded.config.lifetime.gain_rad_s
     weights, network, notes = recorded.weights, recorded.network, recorded.notes
-    page = replay.page(recorded.traces, weights, world, title, gain_rad_s=gain, network=network, notes=notes)
-    write(target, page.encode())
-
-
-def write_movie(recorded: Recording, target: Path, make: Callable[..., bytes]) -> None:
-    """Write a recording as `make` does it, `movie.gif` or `movie.mp4`; the progress is shown on standard error."""
-    show = functools.partial(track, target.name)
-    write(target, make(recorded.traces, recorded.config.world, recorded.title, show))
-
-
-def require_video() -> None:
-    """Check that imageio-ffmpeg is installed, which makes films."""
-    if find_spec("imageio_ffmpeg") is None:
-        raise ConfigError('--mp4 needs imageio-ffmpeg, which is not installed: pip install "epuckhebb[video]"')
-
-
-def write(target: Path, content: bytes) -> None:
-    """Write a page or a film where the user wants it."""
-    try:
-        write_atomic(target, content)
-    except OSError as error:
-        raise ConfigError(f"cannot write {target}: {error.strerror}") from error
+    return pages.page(recorded.traces, weights, world, title, gain_rad_s=gain, network=network, notes=notes)

@@ -28,7 +28,7 @@ _CHAMPION = "champion.json"  # what the controller has to know
 _CONTROLLER = Path(__file__).with_name("webots_controller.py")
 
 
-def webots(what: str, folder: Path) -> list[Path]:
+def webots(what: str, folder: Path) -> tuple[list[Path], str]:
     """Write a controller that plays what a user names: a run of `evaluate`, with its plasticity, or a champion without.
 
     Args:
@@ -36,7 +36,7 @@ def webots(what: str, folder: Path) -> list[Path]:
         folder: The folder of the controller; the controller is called as it is.
 
     Returns:
-        The files that were written, the controller first.
+        The files that were written, the controller first; and what to do with it.
     """
     genome, config = _genome_and_config(what)
     if genome.wiring != LAYERS:
@@ -60,17 +60,12 @@ def webots(what: str, folder: Path) -> list[Path]:
             write_atomic(file, content)
     except OSError as error:
         raise ConfigError(f"cannot write {folder}: {error.strerror}") from error
-    return list(written)
-
-
-def next_step(controller: Path) -> str:
-    """What to do with a controller that has been written, and which others of its run were left out."""
-    left_out = json.loads((controller.parent / _CHAMPION).read_text(encoding="utf-8"))["left_out"]
+    left_out = [controller.name for controller in config.controllers[1:]]
     others = f"Left out, as one controller is taken of a run: {', '.join(left_out)}.\n" if left_out else ""
-    return (
-        f"{others}Next: put this folder below controllers/ of a Webots project, and choose {controller.stem} in the "
-        "field `controller` of its e-puck. With a GPS in a world whose z axis points up, set gps_axes in champion.json "
-        "to [[0, 1.0], [1, 1.0]]; see docs/webots.md."
+    return list(written), (
+        f"{others}Next: put this folder below controllers/ of a Webots project, and choose {folder.resolve().name} in "
+        "the field `controller` of its e-puck. With a GPS in a world whose z axis points up, set gps_axes in "
+        "champion.json to [[0, 1.0], [1, 1.0]]; see docs/webots.md."
     )
 
 
@@ -111,7 +106,6 @@ def _content(genome: Genome, config: EvaluateConfig) -> dict[str, Any]:
         "arms": arms,
         "goals": {side: list(goal) for side, goal in world.goals_now.items()},
         "rule": _rule(config.controllers[0]) if config.controllers else None,
-        "left_out": [controller.name for controller in config.controllers[1:]],
     }
 
 

@@ -13,12 +13,11 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import pandas as pd
 
-from epuckhebb.analysis import flock as tables
-from epuckhebb.analysis import flock_replay
 from epuckhebb.analysis.tables import Table
 from epuckhebb.config import Plain, check_counts, from_values, load, part_class, part_from, part_settings, register
 from epuckhebb.controller.ranges import check as check_ranges
 from epuckhebb.controller.ranges import within
+from epuckhebb.flock import replay, tables
 from epuckhebb.flock.coupling import Coupling, CouplingError
 from epuckhebb.flock.couplings.frozen import Frozen
 from epuckhebb.flock.couplings.oracle import Oracle
@@ -151,21 +150,20 @@ class FlockStudy(Study):
         """See `Study`."""
         every = pd.concat([run.table("runs.csv") for run in runs], ignore_index=True)
         curves = tables.curves(runs[0].table("minutes.csv"), self.seed)
-        own = {"flock": tables.table(every, self.seed), "estimator": tables.estimator(self.seed)}
-        return {"runs": every, "curves": curves, **own}
+        return {"runs": every, "curves": curves, "flock": tables.table(every, self.seed)}
 
     def figures(self, run: Run) -> dict[str, "Figure"]:
         """See `Study`; the first flock runs again."""
-        from epuckhebb.analysis import flock_figure  # matplotlib takes a while to load
+        from epuckhebb.flock import figure  # matplotlib takes a while to load
 
         first, records = self.first_flock()
         at = int(first.at_s / CHANGE_S)
         networks = {name: (record.weights[at], record.weights[-1]) for name, record in records.items()}
         figures = {
-            "flock": flock_figure.curves(run.table("curves.csv"), first.at_s, self.repeats),
-            "couplings": flock_figure.couplings(networks, first.broken, first.knowers),
+            "flock": figure.curves(run.table("curves.csv"), first.at_s, self.repeats),
+            "couplings": figure.couplings(networks, first.broken, first.knowers),
         }
-        return figures | ({"sweep": flock_figure.sweep(run.table("flock.csv"))} if len(self.conditions) > 1 else {})
+        return figures | ({"sweep": figure.sweep(run.table("flock.csv"))} if len(self.conditions) > 1 else {})
 
     def first_flock(self) -> tuple[Flock, dict[str, Record]]:
         """The first flock of the usual condition, with the last kind of break, run with each coupling but controls."""
@@ -182,7 +180,7 @@ class FlockStudy(Study):
             f"condition, seeds {self.seed} to {self.seed + self.repeats - 1}; {first.duration_s / 60:g} minutes, and "
             f"the break after {first.at_s / 60:g}."
         )
-        return tables.page(run.table("flock.csv"), run.table("estimator.csv"), made, list(captions))
+        return tables.page(run.table("flock.csv"), made, list(captions))
 
     @classmethod
     def shown(cls, run: Run) -> list[Table]:
@@ -212,7 +210,7 @@ def replay_page(path: Path) -> str:
         row = done[(done.coupling == name) & (done.breaks == flock.breaks) & (done.seed == study.seed)].iloc[0]
         if tables.metrics_of(flock, record)["long_after"] != row.long_after:
             raise ConfigError(f"{path} was made by another version of the program, or of its coupling; run it again")
-    return flock_replay.page(flock, records, f"{path.name}: seed {study.seed}")
+    return replay.page(flock, records, f"{path.name}: seed {study.seed}")
 
 
 def _rows(keys: FlockKeys) -> list[Row]:

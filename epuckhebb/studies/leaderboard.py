@@ -91,7 +91,7 @@ class Leaderboard(ChampionStudy):
         methods = methods_named(self.methods, folders)
         entries: list[Entry] = []
         for one, worlds in worlds_of.items():
-            planner = Planner(self, self.config_dir, one, worlds)
+            planner = Planner(self, one, worlds)
             here = in_reversal(methods, folders) if one == REVERSAL else methods
             entries += [planner.entry(method) for method in here]
         return entries
@@ -147,9 +147,8 @@ class Leaderboard(ChampionStudy):
         table = board.table([entry.row for entry in self.entries], made)
         return {"champions": made, "worlds": pd.DataFrame(worlds), "leaderboard": table, "cost": pd.DataFrame(costs)}
 
-    @classmethod
-    def drawn(cls, run: Run) -> "Figure":
-        """The figure of a leaderboard, of its tables."""
+    def figures(self, run: Run) -> dict[str, "Figure"]:
+        """See `Study`."""
         from epuckhebb.analysis import charts  # matplotlib takes a while to load
 
         champions, lines = run.table("champions.csv"), {}
@@ -158,11 +157,7 @@ class Leaderboard(ChampionStudy):
             lines[REVERSAL] = config.world.task.limits()
         figure = charts.leaderboard_of(run.table("leaderboard.csv"), champions, lines)
         figure.set_label(board.CAPTION)
-        return figure
-
-    def figures(self, run: Run) -> dict[str, "Figure"]:
-        """See `Study`."""
-        return {"leaderboard": self.drawn(run)}
+        return {"leaderboard": figure}
 
     def page(self, run: Run, captions: Mapping[str, str]) -> str:  # noqa: ARG002  # its one figure has its place
         """See `Study`."""

@@ -12,9 +12,7 @@ from epuckhebb.analysis.leaderboard import EVOLVED, PLAIN, POST_HOC, Row
 from epuckhebb.config import (
     EvaluateConfig,
     EvolveConfig,
-    Plain,
     alternatives,
-    check_wheel_gain,
     load,
     network_for,
     own_files,
@@ -84,48 +82,50 @@ def sweep_of(sweeps: Sequence[str], config_dir: str | None) -> dict[str, str]:
 class Planner:
     """Makes the entries of an experiment, each after those that it needs."""
 
-    def __init__(
-        self, config: "Leaderboard", config_dir: str | None, experiment: str, tests: dict[str, Scenario]
-    ) -> None:
-        self._config, self._config_dir, self._experiment, self._tests = config, config_dir, experiment, tests
+    def __init__(self, study: "Leaderboard", experiment: str, tests: dict[str, Scenario]) -> None:
+        self._study, self._experiment, self._tests = study, experiment, tests
         self._training_world = TRAINED.get(experiment, TRAINED["obstacles"])
         self._task = tuple(typed_as(REVERSAL_TASK)) if experiment == REVERSAL else ()
-        self._repeats = config.reversal_repeats if experiment == REVERSAL else config.repeats
         self._entries = dict[str, Entry]()
-        self._seeds = range(config.first_seed, config.first_seed + config.champions)
 
     def entry(self, method: Method) -> Entry:
         """The entry of a method; an error message begins with its name."""
         try:
-            made = self._entry(method)
+            self._entries[method.name] = self._entry(method)
         except ConfigError as error:
             raise ConfigError(f"method {method.name}: {error}") from error
-        self._entries[method.name] = made
-        return made
+        return self._entries[method.name]
 
     def _entry(self, method: Method) -> Entry:
-        over = self._entries.get(method.champions_of)
+        study, over = self._study, self._entries.get(method.champions_of)
         if over and over.row.kind != PLAIN:
-            plain = [name for name, entry in self._entries.items() if entry.row.kind == PLAIN]
             raise ConfigError(
                 f"champions_of={method.champions_of}: its champions were evolved with a rule of their own; no other "
-                f"can be added; give a method without plasticity, for example {', '.join(plain) or 'ga'}"
+                "can be added; give a method without plasticity"
             )
         config, champions = None, over.champions if over else {}
         if method.evolve:
             world = [] if "scenario" in method.evolve else [f"scenario={self._training_world}"]
             given = ["genome=given"] if method.champions_of else []
-            config = load(EvolveConfig, [*world, *method.overrides("evolve"), *given], self._config_dir)
+            config = load(EvolveConfig, [*world, *method.overrides("evolve"), *given], study.config_dir)
             self._check(config)
-            settings = config.values
-            champions = {seed: self._evolution(method, settings, over, seed) for seed in self._seeds}
-            tested = dict(in_training_world(self._training_world, self._task, self._config_dir).values)
-            tested |= {group: settings[group] for group in ("hebbian", *_PARTS)}
+            champions = {
+                seed: job_of(
+                    [*method.overrides("evolve"), f"seed={seed}"],
+                    {**config.values, "seed": seed},
+                    champion=over.champions[seed].run if over else "",
+                    purpose=f"evolve {method.name}, {self._experiment}, seed {seed}",
+                )
+                for seed in range(study.first_seed, study.first_seed + study.champions)
+            }
+            tested = dict(in_training_world(self._training_world, self._task, study.config_dir).values)
+            tested |= {group: config.values[group] for group in ("hebbian", *_PARTS)}
             controller = config.controller
         else:
             evaluation = self._post_hoc(method, over)
             tested, controller = dict(evaluation.values), next(iter(evaluation.controllers), GA_ALONE)
-        tested |= {"seed": self._config.seed, "repeats": self._repeats}
+        repeats = study.reversal_repeats if self._experiment == REVERSAL else study.repeats
+        tested |= {"seed": study.seed, "repeats": repeats}
         is_plain = config is not None and isinstance(config.controller.rule, NoRule)
         if is_plain and method.champions_of:
             raise ConfigError("it has no plasticity: it adds nothing to champions; leave out champions_of")
@@ -135,6 +135,17 @@ class Planner:
             _check_control(config, self._entries[method.matched_control], is_plain=is_plain)
         evolved = config or (over.config if over else None)
         assert evolved is not None  # a method evolves, or takes another's champions
+        tests = {
+            seed: job_of(
+                [f"genome={champion.run}", *method.overrides("evaluate")],
+                tested,
+                champion=champion.run,
+                purpose=f"test {method.name}, {self._experiment}, seed {seed}",
+                worlds=[self._training_world, *self._tests],
+                config_dir=study.config_dir,
+            )
+            for seed, champion in champions.items()
+        }
         row = Row(
             experiment=self._experiment,
             method=method.name,
@@ -144,15 +155,9 @@ class Planner:
             knowledge=", ".join(controller.knowledge),
             knowledge_class=controller.knowledge_class,
         )
-        return Entry(
-            method=method,
-            row=row,
-            champions=champions,
-            tests={seed: self._test(method, tested, champion.run, seed) for seed, champion in champions.items()},
-            before=over.champions if over and method.evolve else {},
-            config=config,
-            task=evolved.world.task,
-        )
+        before = over.champions if over and method.evolve else {}
+        task = evolved.world.task
+        return Entry(method=method, row=row, champions=champions, tests=tests, before=before, config=config, task=task)
 
     def _check(self, config: EvolveConfig) -> None:
         """Refuse methods that cannot be evolved here, and training in a test world."""
@@ -160,7 +165,7 @@ class Planner:
             if board.can_be(config.world, config.training, world):
                 raise ConfigError(
                     f"its training world can be {name}, which is one of the tests' own "
-                    f"(tests={','.join(self._config.tests)}): champions must not be trained in it. Train "
+                    f"(tests={','.join(self._study.tests)}): champions must not be trained in it. Train "
                     "it elsewhere, or leave these tests out"
                 )
         prepared = prepare_evolution(config, has_genome=False)
@@ -172,55 +177,31 @@ class Planner:
         evolved = over.config.values if over and over.config else {}
         parts = {f"{group}.{key}": value for group in _PARTS for key, value in evolved.get(group, {}).items()}
         words = evaluation_in(self._training_world, *typed_as(parts), *method.overrides("evaluate"))
-        config = load(EvaluateConfig, words, self._config_dir)
-        for name, world in self._tests.items():
-            try:
-                check_wheel_gain(replace(config.lifetime, duration_s=world.paper_duration_s), world)
-            except ValueError as error:
-                raise ConfigError(f"{name}: {error}") from error
+        config = load(EvaluateConfig, words, self._study.config_dir)
         if own_files(config.values):
             compile_for(config.controllers, network_for(config.world, config.shape), config.world)
         return config
 
-    def _evolution(self, method: Method, config: Plain, over: Entry | None, seed: int) -> Job:
-        words = [*method.overrides("evolve"), f"seed={seed}"]
-        purpose = f"evolve {method.name}, {self._experiment}, seed {seed}"
-        champion = over.champions[seed].run if over else ""
-        return job_of(words, {**config, "seed": seed}, champion=champion, purpose=purpose)
-
-    def _test(self, method: Method, config: Plain, champion: str, seed: int) -> Job:
-        words, worlds = [f"genome={champion}", *method.overrides("evaluate")], [self._training_world, *self._tests]
-        purpose = f"test {method.name}, {self._experiment}, seed {seed}"
-        more = {"worlds": worlds, "config_dir": self._config_dir}
-        return job_of(words, config, champion=champion, purpose=purpose, **more)
-
 
 def _check_control(config: EvolveConfig, matched_control: Entry, *, is_plain: bool) -> None:
     """Refuse a matched control that differs in more than plasticity; of a method without it, in more than one part."""
-    other = matched_control.config
+    other, name = matched_control.config, matched_control.method.name
     if matched_control.row.kind != PLAIN or other is None:
-        raise ConfigError(f"matched_control={matched_control.method.name} has plasticity itself; give a method without")
+        raise ConfigError(f"matched_control={name} has plasticity itself; give a method without")
     ours, theirs = _but_for_plasticity(config), _but_for_plasticity(other)
     differ = [what for what, value in ours.items() if value != theirs[what]]
-    if is_plain and (len(differ) != 1 or differ[0] not in (*_PARTS, "optimizer")):
+    if len(differ) != is_plain or not {*differ} <= {*_PARTS, "optimizer"}:
         raise ConfigError(
-            f"it has no plasticity, and matched_control={matched_control.method.name} differs in "
-            f"{' and '.join(differ) or 'nothing'}; such a method needs no control, or one that differs in one of "
-            f"{', '.join(_PARTS)} and optimizer alone"
-        )
-    if differ and not is_plain:
-        raise ConfigError(
-            f"matched_control={matched_control.method.name} has another {differ[0]}; a matched control "
-            "differs in plasticity alone, or plasticity would be credited with what that does"
+            f"matched_control={name} differs in {' and '.join(differ) or 'nothing'}; it must differ in plasticity "
+            f"alone, or for a method without plasticity in one of {', '.join(_PARTS)} and optimizer"
         )
 
 
 def _but_for_plasticity(config: EvolveConfig) -> dict[str, object]:
     """How something is evolved; of the optimizer only settings that concern any evolution."""
     settings = {name: value for name, value in vars(config.algorithm).items() if name not in _OF_RULES}
-    optimizer = type(config.algorithm), settings
     return {
-        "optimizer": optimizer,
+        "optimizer": (type(config.algorithm), settings),
         "training": config.training,
         "scenario": replace(config.world, fitness=PAPER_FITNESS, physics=PYMUNK),
         "lifetime": config.lifetime,

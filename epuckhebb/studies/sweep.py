@@ -116,17 +116,15 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Plan
         raise ConfigError(f"experiment={name} has no hydra.sweeper.params: it is one job, for `epuckhebb evaluate`")
     choices = alternatives([*(f"{key}={values}" for key, values in params.items()), *own])
     listed: dict[str, Job] = {}
-    again: list[Job] = []
-    identities, cpu_s = identity.Identities(), dict[str, float]()
+    identities, cpu_s, again = identity.Identities(), dict[str, float](), 0
     for overrides, config in combinations("evaluate", named, choices, config_dir, identities.validate_shared):
         run = identities.of(config)
         steps, in_plane = identities.robot_steps(config)
         cpu_s[run] = _JOB_S + (_STEP_S if in_plane else _STEP_IN_3D_S) * steps
         job = Job(number=len(listed), overrides=[*named, *overrides], run=run, config=config)
-        if listed.setdefault(run, job) is not job:
-            again.append(job)
+        again += listed.setdefault(run, job) is not job
     if again:
-        say(repeated(len(again), again[0].settings, listed[again[0].run].settings))
+        say(repeated(again))
     typed = [name, *arguments, *(["--config-dir", config_dir] if config_dir else [])]
     return prepare(Sweep(name, list(listed.values()), cpu_s), of_hydra, typed)
 
@@ -169,8 +167,6 @@ def _write_over_all(folder: Path, write: Callable[[str, bytes | str | pd.DataFra
         for name, table in tables.items():
             write(f"{name}.csv", table)
         write("report.md", page)
-    elif missing := summary.no_rescue(rows, settings):
-        say(missing)
     if doses is not None or found is not None:
         from epuckhebb.analysis.image import image  # matplotlib takes a while to load
 
@@ -185,7 +181,6 @@ def _evaluated(path: Path, settings: Mapping[str, str], place: Mapping[str, str]
     rows = csv.DictReader(io.StringIO(run.content("metrics.csv").decode(), newline=""))
     return Evaluated(
         settings=settings,
-        where=settings.get("genome", facts["genome"]),
         sha256=facts["genome_sha256"],
         ids=facts["lifetimes"],
         rows=pd.DataFrame(list(rows), dtype=str),

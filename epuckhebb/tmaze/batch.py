@@ -8,7 +8,7 @@ import numpy as np
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import HIDDEN, Network
 from epuckhebb.controller.own_class import OwnClass, is_own
-from epuckhebb.controller.plasticity.rule import NoRule, Rule
+from epuckhebb.controller.plasticity.rule import NoRule
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
 from epuckhebb.tmaze.life import Lifetime
@@ -39,22 +39,19 @@ def run_lifetimes(
     blocks = [individuals[first : first + size] for first in range(0, len(individuals), size)]
     rules = [type(one.controller.rule) for one in individuals if not one.controller.adaptation.acts]
     fallback_rule = next((rule for rule in rules if rule is not NoRule and not rule.evolved), Paper)
+
+    def in_turn(block: Sequence[Individual]) -> list[tuple[Outcome, Samples]]:
+        simulator, done = Simulator(scenario, lifetime, fallback_rule), []
+        for individual in block:
+            session = Session(individual, scenario, lifetime, simulator=simulator)
+            session.step(lifetime.steps)
+            done.append((session.outcome(), session.samples))
+        return done
+
     # A pool even for one thread: Ctrl-C while numba builds a result would crash the process.
     with ThreadPoolExecutor(threads) as pool:
-        done = list(pool.map(lambda block: _in_turn(block, scenario, lifetime, fallback_rule), blocks))
+        done = list(pool.map(in_turn, blocks))
     return [one for block in done for one in block]
-
-
-def _in_turn(
-    individuals: Sequence[Individual], scenario: Scenario, lifetime: Lifetime, fallback_rule: type[Rule]
-) -> list[tuple[Outcome, Samples]]:
-    simulator = Simulator(scenario, lifetime, fallback_rule)
-    done = []
-    for individual in individuals:
-        session = Session(individual, scenario, lifetime, simulator=simulator)
-        session.step(lifetime.steps)
-        done.append((session.outcome(), session.samples))
-    return done
 
 
 def load_kernel(

@@ -18,12 +18,11 @@ from epuckhebb.controller.plasticity.weight_change import weight_change_workspac
 from epuckhebb.controller.random import noise_workspace_size
 from epuckhebb.controller.ranges import check, within
 from epuckhebb.controller.wiring import NO_NEURONS, Neurons
-from epuckhebb.tmaze.faults import Faults, initial_past
+from epuckhebb.tmaze.faults import Faults
 from epuckhebb.tmaze.fitness import History
 from epuckhebb.tmaze.goal_signal import SignalNumbers
 from epuckhebb.tmaze.light import Lights
 from epuckhebb.tmaze.maze import Region
-from epuckhebb.tmaze.own_fitness import Fitness
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.physics_engine import Physics
 from epuckhebb.tmaze.robot import STEP_S, Robot
@@ -164,25 +163,9 @@ class Life(NamedTuple):
     past: Floats
 
 
-def initial_life(
-    genotype: Genotype,
-    key: np.uint64,
-    network: Network,
-    robot: Robot,
-    workspace: Workspace,
-    adaptation: Any,
-    trials: NDArray[np.void],
-    fitness: Fitness,
-) -> Life:
-    """A lifetime before its first step. workspace, adaptation: arrays to use. fitness: by which it is scored."""
-    activation = np.zeros(network.neurons)
-    activation[network.bias] = 1.0
-    neurons = genotype.neurons._replace(state=genotype.neurons.state.copy())
-    tally = _INITIAL_BYTES.copy().view(TALLY)
-    return Life(
-        *(genotype, key, tally, genotype.weights.copy(), genotype.synapse_state.copy(), activation),
-        *(adaptation, trials, fitness.initial_state(), neurons, workspace, initial_past(robot)),
-    )
+def initial_tally() -> NDArray[np.void]:
+    """The tally before the first step."""
+    return _INITIAL_BYTES.copy().view(TALLY)
 
 
 def tally_of(life: Life) -> Any:

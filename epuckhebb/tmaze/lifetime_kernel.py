@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from epuckhebb.controller.compiling.kernel import kernel, with_parts
+from epuckhebb.controller.compiling.kernel import compiled, kernel, with_parts
 from epuckhebb.controller.forward_pass import forward_pass
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.rule import NoRule, Rule
@@ -65,7 +65,7 @@ def kernel_of(
         "record_tilt": physics.record_tilt(),
     }
     for block in (perceive, decide, settle):
-        parts[block.__name__] = with_parts(block, **parts)
+        parts[block.__name__] = compiled(with_parts(block, parts))
     values = (rule, adaptation.parts, network, robot, more_faults, type(task), scoring, physics)
     _kernels[place] = made = kernel(page, values, **parts)
     return made

@@ -38,11 +38,6 @@ class Space(ABC):
     def handles(self) -> Any:
         """What compiled code needs, in the thread that asks: see `Handles`."""
 
-    @property
-    def lost(self) -> str:
-        """What became of the pose of a robot that is lost."""
-        return "stopped being finite or left the arena"
-
     @abstractmethod
     def place_robot(self, pose: Pose) -> None:
         """Start a lifetime: put the robot at this pose, at rest, without traces of what was before."""

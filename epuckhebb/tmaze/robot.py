@@ -11,7 +11,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 from epuckhebb.controller.ranges import check, within
-from epuckhebb.tmaze.sensors import DistanceSensors, LightSensors, RimSensors, SensorGroup, slices
+from epuckhebb.tmaze.sensors import DistanceSensors, LightSensors, RimSensors, SensorGroup
 
 STEP_S = 0.032  # one control step: sensing, acting, learning and physics
 OUTPUTS = 2  # of a network: for the left and the right wheel
@@ -100,7 +100,9 @@ class Robot:
 
     def inputs_of(self, group: SensorGroup) -> slice:
         """Where the readings of a group are among the network's inputs."""
-        return slices(self.sensors)[group.name]
+        place = [one.name for one in self.sensors].index(group.name)
+        first = sum(one.count for one in self.sensors[:place])
+        return slice(first, first + group.count)
 
     @cached_property
     def inputs(self) -> int:

@@ -36,25 +36,16 @@ class Samples(NamedTuple):
 
 def empty_samples(count: int, network: Network, physics: Physics = PYMUNK) -> Samples:
     """Arrays for so many samples."""
-
-    def numbers(*shape: int) -> Floats:
-        return np.zeros((count, *shape))
-
     return Samples(
-        time=numbers(),
-        pose=numbers(3),
-        sensors=numbers(network.inputs),
-        motors=numbers(network.outputs),
-        fitness=numbers(),
+        time=np.zeros(count),
+        pose=np.zeros((count, 3)),
+        sensors=np.zeros((count, network.inputs)),
+        motors=np.zeros((count, network.outputs)),
+        fitness=np.zeros(count),
         change_signal=np.full(count, np.nan),
-        rate=numbers(),
-        weight_change=numbers(),
+        rate=np.zeros(count),
+        weight_change=np.zeros(count),
         weights=np.zeros((count, network.synapses), np.float32),
-        activations=np.zeros((count, recorded_neurons(network)), np.float32),
-        tilt=numbers(physics.tilts),
+        activations=np.zeros((count, sum(network.layers[1:]) if network.wiring else 0), np.float32),
+        tilt=np.zeros((count, physics.tilts)),
     )
-
-
-def recorded_neurons(network: Network) -> int:
-    """How many activations are recorded: all neurons of a wiring, none of layers."""
-    return 0 if network.wiring is None else sum(network.layers[1:])

@@ -6,7 +6,7 @@ reads (`dead`). `Robot.sensors` has the groups of a robot, in the order of the n
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import ClassVar, NamedTuple
@@ -255,15 +255,6 @@ class DistanceSensors(RimSensors):
             return value, noise
 
         return echo
-
-
-def slices(groups: Iterable[InputGroup]) -> dict[str, slice]:
-    """Where each group is among the inputs, by name."""
-    found, first = {}, 0
-    for group in groups:
-        found[group.name] = slice(first, first + group.count)
-        first += group.count
-    return found
 
 
 @compiled

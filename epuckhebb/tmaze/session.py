@@ -26,25 +26,27 @@ from epuckhebb.controller.plasticity.update import initial_lengths
 from epuckhebb.controller.random import Stream, rng
 from epuckhebb.controller.wiring import NO_NEURONS, WiringError
 from epuckhebb.tmaze import fitness
+from epuckhebb.tmaze.faults import initial_past
 from epuckhebb.tmaze.individual import Individual
 from epuckhebb.tmaze.life import (
     Genotype,
     Life,
     Lifetime,
     Setup,
-    initial_life,
+    initial_tally,
     pad_samples,
     tally_of,
 )
 from epuckhebb.tmaze.lifetime import look
-from epuckhebb.tmaze.maze import Pose
+from epuckhebb.tmaze.maze import Pose, added
 from epuckhebb.tmaze.outcome import Outcome, outcome_of
 from epuckhebb.tmaze.own_fitness import FitnessError, example_arguments, score_of
 from epuckhebb.tmaze.own_sensor import Sensor, own_sensors
+from epuckhebb.tmaze.reachable import gap
 from epuckhebb.tmaze.robot import STEP_S
 from epuckhebb.tmaze.samples import empty_samples
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.simulator import Kind, Phase, Simulator, world_setup
+from epuckhebb.tmaze.simulator import Phase, Simulator, world_setup
 
 
 class LostRobotError(ArithmeticError):
@@ -78,14 +80,8 @@ class Session:
         self._first = first = self._phases[0].scenario
         self._nominal = individual.nominal if individual.controller.adaptation.acts else None
         self._is_usual = self._nominal is None and individual.after is None
-        genotype = _genotype_of(individual, kind, self.lifetime.gain_rad_s)
         self._record_every = self.lifetime.record_every if individual.record else 0
-        adaptation = individual.controller.adaptation.initial_state(first.robot)
-        trials = first.task.initial_trials(individual.side, individual.task_key)
-        self.life = initial_life(
-            *(genotype, np.uint64(individual.key), individual.network, first.robot, kind.workspace, adaptation, trials),
-            world.fitness,
-        )
+        self.life = self._initial_life(first)
         self._tally = self.life.tally[0]  # a view of the record
         self.samples = kind.no_samples
         if self._record_every:
@@ -101,6 +97,52 @@ class Session:
         self._space = self._phases[0].space
         self._space.place_robot(self._start)
         self._enter(self._phases.pop(0))
+
+    def _initial_life(self, world: Scenario) -> Life:
+        """The lifetime before its first step; a ValueError if the individual's genes or signs do not fit."""
+        who, kind, gain_rad_s = self.individual, self._kind, self.lifetime.gain_rad_s
+        rule, network, wiring = who.controller.rule, who.network, who.network.wiring
+        of_updates = kind.signs if who.signs is None else who.signs
+        if of_updates is None or of_updates.shape != (network.synapses,):
+            given = "none" if of_updates is None else of_updates.size
+            raise ValueError(
+                "a rule with sign=shuffled needs Individual.signs, the signs of its updates: one for each of the "
+                f"{network.synapses} weights of network {network}, got {given}"
+            )
+        parts = values_of(type(rule), network, kind.plan.split(np.ascontiguousarray(who.genes, float)))
+        inherited = parts[WEIGHTS]
+        if rule.initial_weights is InitialWeights.random:
+            inherited = rng(int(who.key), Stream.initial_weights).uniform(
+                -INITIAL_RANGE, INITIAL_RANGE, network.synapses
+            )
+        weights, neurons = initial_weights_of(inherited), NO_NEURONS
+        if wiring is not None:
+            neurons = wiring.initial({name: parts[NEURON + name] for name in wiring.evolved}, gain_rad_s, STEP_S)
+        genotype = Genotype(
+            weights,
+            kind.synapse_state,
+            coefficients(type(rule), network, parts),
+            modulatory_weights(type(rule), parts, rule.reward),
+            initial_lengths(type(rule), network, weights),
+            np.ascontiguousarray(of_updates, float),
+            neurons,
+        )
+        activation = np.zeros(network.neurons)
+        activation[network.bias] = 1.0
+        return Life(
+            genotype=genotype,
+            key=np.uint64(who.key),
+            tally=initial_tally(),
+            weights=weights.copy(),
+            synapse_state=kind.synapse_state.copy(),
+            activation=activation,
+            adaptation=who.controller.adaptation.initial_state(world.robot),
+            trials=world.task.initial_trials(who.side, who.task_key),
+            score=world.fitness.initial_state(),
+            neurons=neurons._replace(state=neurons.state.copy()),
+            workspace=kind.workspace,
+            past=initial_past(world.robot),
+        )
 
     @property
     def steps(self) -> int:
@@ -202,9 +244,13 @@ class Session:
 
     def _move_to_new_walls(self) -> None:
         """Put the robot among the walls of this phase, unless it stands in their way."""
-        if self._space is not self._phase.space and not self._phase.is_blocked(self._space):
-            self._phase.space.take_over(self._space)
-            self._space = self._phase.space
+        phase, handles = self._phase, self._space.handles
+        if self._space is phase.space:
+            return
+        x, y = handles.state[:2].tolist()
+        if gap(x, y, added(handles.walls, phase.walls)) >= self.world.robot.radius_m:
+            phase.space.take_over(self._space)
+            self._space = phase.space
 
     def _enter(self, phase: Phase) -> None:
         """Begin a phase; its walls appear as soon as the robot is not in their way."""
@@ -266,57 +312,21 @@ class Session:
             if isinstance(group, Sensor):
                 for reading, value in zip(group.readings, scratch, strict=True):
                     group.check_value(value, reading)
-        is_scored, wiring = self.world.fitness.step is not None, who.network.wiring
-        score = life.score["sum"][0] if is_scored else 0.0
-        fires = wiring is None or bool(np.isfinite(life.activation).all())
-        finite = bool(np.isfinite(life.weights).all() and np.isfinite(life.synapse_state.view(np.float64)).all())
-        finite = finite and math.isfinite(tally.weight_change_sum)
-        sums = tally.behaviour_sum + tally.path_length + tally.goal_distance
-        if finite and fires and not tally.lost and math.isfinite(sums) and math.isfinite(score):
-            return
+        wiring, score = who.network.wiring, life.score["sum"][0] if self.world.fitness.step else 0.0
         where = f"on a {who.side} trial of scenario {self.world.name}"
         when = f"at step {tally.step - tally.lost} of {self.lifetime.steps}"
         if not math.isfinite(score):
             name = self.world.fitness.name
             raise FitnessError(f"fitness {name}: `step` gave infinite or nan values {where}; noticed {when}")
-        if wiring is not None and not fires:
+        if wiring is not None and not np.isfinite(life.activation).all():
             name = wiring.name
             raise WiringError(f"wiring {name}: `neuron` gave infinite or nan activations {where}; noticed {when}")
         where = f"{where}, controller {who.controller.name},"
-        if finite:
-            raise LostRobotError(f"{where} the robot's pose {self._space.lost} {when}")
-        raise LostRobotError(
-            f"{where} the rule {type(who.controller.rule).__name__} made weights, their change, or what synapses keep, "
-            f"infinite or nan; noticed {when}"
-        )
-
-
-def _genotype_of(individual: Individual, kind: Kind, gain_rad_s: float) -> Genotype:
-    """What an individual starts with; a ValueError if its arguments do not fit each other."""
-    of_updates = kind.signs if individual.signs is None else individual.signs
-    rule, network = individual.controller.rule, individual.network
-    if of_updates is None or of_updates.shape != (network.synapses,):
-        given = "none" if of_updates is None else of_updates.size
-        raise ValueError(
-            "a rule with sign=shuffled needs Individual.signs, the signs of its updates: one for each of the "
-            f"{network.synapses} weights of network {network}, got {given}"
-        )
-    parts = values_of(type(rule), network, kind.plan.split(np.ascontiguousarray(individual.genes, float)))
-    inherited = parts[WEIGHTS]
-    if rule.initial_weights is InitialWeights.random:
-        inherited = rng(int(individual.key), Stream.initial_weights).uniform(
-            -INITIAL_RANGE, INITIAL_RANGE, network.synapses
-        )
-    weights = initial_weights_of(inherited)
-    neurons, wiring = NO_NEURONS, network.wiring
-    if wiring is not None:
-        neurons = wiring.initial({name: parts[NEURON + name] for name in wiring.evolved}, gain_rad_s, STEP_S)
-    return Genotype(
-        weights,
-        kind.synapse_state,
-        coefficients(type(rule), network, parts),
-        modulatory_weights(type(rule), parts, rule.reward),
-        initial_lengths(type(rule), network, weights),
-        np.ascontiguousarray(of_updates, float),
-        neurons,
-    )
+        stored = life.weights, life.synapse_state.view(np.float64), tally.weight_change_sum
+        if not all(np.isfinite(values).all() for values in stored):
+            raise LostRobotError(
+                f"{where} the rule {type(who.controller.rule).__name__} made weights, their change, or what synapses "
+                f"keep, infinite or nan; noticed {when}"
+            )
+        if tally.lost or not math.isfinite(tally.behaviour_sum + tally.path_length + tally.goal_distance):
+            raise LostRobotError(f"{where} the robot's pose stopped being finite or left the arena {when}")

@@ -24,9 +24,8 @@ from epuckhebb.tmaze.life import Lifetime, Workspace, workspace_for
 from epuckhebb.tmaze.lifetime import live
 from epuckhebb.tmaze.lifetime_kernel import kernel_of
 from epuckhebb.tmaze.light import lights
-from epuckhebb.tmaze.maze import Pose, Region, Side, added
+from epuckhebb.tmaze.maze import Pose, Region, Side
 from epuckhebb.tmaze.physics_engine import Space
-from epuckhebb.tmaze.reachable import gap
 from epuckhebb.tmaze.samples import Samples, empty_samples
 from epuckhebb.tmaze.scenario import Scenario
 
@@ -41,11 +40,6 @@ class Phase(NamedTuple):
     space: Space
     walls: Floats
     faults: Faults
-
-    def is_blocked(self, space: Space) -> bool:
-        """Whether the robot of another space stands where this phase has new walls."""
-        x, y = space.handles.state[:2].tolist()
-        return gap(x, y, added(space.handles.walls, self.walls)) < self.scenario.robot.radius_m
 
 
 class Kind(NamedTuple):

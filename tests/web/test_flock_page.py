@@ -2,10 +2,10 @@
 
 import pytest
 
-from epuckhebb.analysis.flock_replay import page as page_of
 from epuckhebb.flock.couplings.frozen import Frozen
 from epuckhebb.flock.couplings.transfer_entropy import TransferEntropy
 from epuckhebb.flock.plane import Flock, run
+from epuckhebb.flock.replay import page as page_of
 
 
 @pytest.fixture(scope="module")

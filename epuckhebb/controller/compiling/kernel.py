@@ -73,7 +73,7 @@ def kernel(function: Function, values: object, **parts: object) -> Function:
 
     values: all that the parts are made from, such as network, robot and the class of a rule.
     """
-    made = _with_globals(function, parts)
+    made = with_parts(function, parts)
     with suppress(UnknownSourceError):
         key = kernel_key(values)
         made.__qualname__ = f"{function.__name__}_{key}"  # symbols of kernels in one process must differ
@@ -121,11 +121,6 @@ def _stored(made: types.FunctionType, key: str) -> Any:
     return dispatcher
 
 
-def with_parts(function: Function, **parts: object) -> Function:
-    """A building block with these parts in place of its module's global names, as `kernel` makes kernels."""
-    return compiled(cast(Function, _with_globals(function, parts)))
-
-
 def compile_error(function: Callable[..., Any], *arguments: object) -> Exception | None:
     """Why a building block does not compile for these arguments; None if it does."""
     try:
@@ -135,7 +130,8 @@ def compile_error(function: Callable[..., Any], *arguments: object) -> Exception
     return None
 
 
-def _with_globals(function: Callable[..., Any], parts: dict[str, object]) -> types.FunctionType:
+def with_parts(function: Callable[..., Any], parts: dict[str, Any]) -> types.FunctionType:
+    """A copy of a function with these parts in place of its module's global names."""
     code = cast(types.FunctionType, function)
     return types.FunctionType(code.__code__, {**code.__globals__, **parts}, code.__name__)
 

@@ -194,16 +194,6 @@ class OdeSpace(Space):
             contacts_at=contacts.ctypes.data,
         )
 
-    @property
-    def lost(self) -> str:
-        """See `Space`."""
-        state = self._body.state
-        tilt = math.degrees(math.acos(min(1.0, math.cos(state[_ROLL]) * math.cos(state[_PITCH]))))
-        if math.isfinite(tilt) and math.isfinite(state[_HEADING]):
-            return "left the arena"
-        where = f"tilted by {tilt:.0f} degrees, its base {1000 * state[_HEIGHT]:.1f} mm above the floor"
-        return f"was not upright on the floor any more ({where}), or stopped being finite,"
-
 
 @dataclass(frozen=True, kw_only=True)
 class Ode(Physics):

@@ -11,7 +11,7 @@ from matplotlib.patches import FancyArrowPatch
 from numpy.typing import NDArray
 
 from epuckhebb.analysis.figures import tidy
-from epuckhebb.analysis.flock import CONDITION, WHAT_BREAKS, title_of
+from epuckhebb.flock.tables import CONDITION, WHAT_BREAKS, title_of
 
 _COLOURS = {  # Okabe and Ito's; the control of a coupling is dashed
     "frozen": "#000000", "transfer_entropy": "#D55E00", "live_fitness": "#0072B2",

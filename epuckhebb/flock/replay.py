@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from epuckhebb.analysis.flock import WHAT_BREAKS, by_minute, title_of
 from epuckhebb.analysis.replay import packed, with_data
 from epuckhebb.flock.plane import CHANGE_S, SAMPLE_S, Flock, Record
+from epuckhebb.flock.tables import WHAT_BREAKS, by_minute, title_of
 from epuckhebb.tmaze.robot import EPUCK
 
 _EVERY = 2  # samples, of which the page has one
@@ -38,4 +38,4 @@ def page(flock: Flock, records: Mapping[str, Record], title: str) -> str:
         "radius": EPUCK.radius_m,
         "outcome": f"{after} {what}" if flock.broken >= 0 else what.capitalize(),
     }
-    return with_data(Path(__file__).with_name("flock.html"), title, content)
+    return with_data(Path(__file__).with_suffix(".html"), title, content)

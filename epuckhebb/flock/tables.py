@@ -6,7 +6,6 @@ the same noise, so differences are paired by seed.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
@@ -14,9 +13,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.analysis.statistics import bootstrap_mean, wilson
 from epuckhebb.analysis.tables import Table, code
-from epuckhebb.controller.random import Stream, rng
-from epuckhebb.flock.coupling import Coupling, Moment, transfer_entropy
-from epuckhebb.flock.plane import CHANGE_S, SAMPLE_S, Flock, Record, run
+from epuckhebb.flock.plane import CHANGE_S, SAMPLE_S, Flock, Record
 
 CONDITION = ("loudness", "knowers", "range_m", "breaks", "coupling")
 METRICS = (
@@ -30,7 +27,6 @@ WHAT_BREAKS = {
     "knower": "a robot that knows the way breaks",
     "none": "no robot breaks",
 }
-_STEPS, _SETS = 200_000, 60  # of series with a known transfer entropy, and how many short ones
 
 
 def metrics_of(flock: Flock, record: Record) -> dict[str, float]:
@@ -101,69 +97,6 @@ def by_minute(flock: Flock, record: Record) -> list[float]:
     return [float(cosines[first : first + size].mean()) for first in range(0, len(cosines), size)]
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Wired(Coupling):
-    """Couplings of a known wiring, which stay; what the estimator says of them is kept."""
-
-    wiring: NDArray[np.float64]
-    seen: list[NDArray[np.float64]] = field(default_factory=list)
-
-    def weights(self, now: Moment) -> NDArray[np.float64]:
-        """See `Coupling`."""
-        self.seen.append(now.transfer_entropy)
-        return self.wiring
-
-
-def estimator(seed: int) -> pd.DataFrame:
-    """The estimator of transfer entropy on cases that are known, a row each; expected: nan where theory says nothing.
-
-    Series: [nats]. Wirings of frozen flocks: area under the curve, the chance that a pair with a link has more transfer
-    entropy than a pair without one, in one window of 16 s; one half says nothing.
-    """
-    drawn = rng(seed, Stream.flock, 3)
-    independent = [transfer_entropy(drawn.standard_normal((200, 6))).sum() / 30 for _ in range(_SETS)]
-    rows = [("independent series, 199 steps", float(np.mean(independent)), 1 / (2 * 199))]
-    x, noise = drawn.standard_normal(_STEPS), drawn.standard_normal(_STEPS)
-    copy = np.roll(x, 1) + 0.5 * noise
-    rows.append(("copy with error, one half of the signal", *_one(x, copy), np.log(1 + 4) / 2))
-    for own, across in ((0.5, 0.5), (0.8, 1.0)):
-        driven = noise.copy()
-        for t in range(1, _STEPS):
-            driven[t] += own * driven[t - 1] + across * x[t - 1]
-        name = f"autoregressive, own weight {own:g}, of the other {across:g}"
-        rows.append((name, *_one(x, driven), np.log(1 + across**2) / 2))
-    near, far = np.roll(x, 1) + 0.3 * noise, np.roll(x, 2) + 0.3 * drawn.standard_normal(_STEPS)
-    total = 1.09
-    rows.append(("common driver, no link", *_one(near, far), np.log(total / (total - 1 / total)) / 2))
-    for name, links in _wirings(drawn).items():
-        areas = []
-        for one in range(3):
-            coupling = _Wired(wiring=9.0 * links)
-            run(Flock(duration_s=600.0, at_s=300.0), coupling, seed + one)
-            settled = coupling.seen[4:]  # windows that began after the wiring did
-            areas += [_area(entropy[links > 0], entropy[(links == 0) & ~np.eye(10, dtype=bool)]) for entropy in settled]
-        rows.append((f"frozen wiring, {name}: area under the curve", float(np.mean(areas)), np.nan))
-    return pd.DataFrame(rows, columns=["case", "estimate", "expected"])
-
-
-def _one(source: NDArray[np.float64], target: NDArray[np.float64]) -> tuple[float]:
-    return (float(transfer_entropy(np.stack([source, target], axis=1))[1, 0]),)
-
-
-def _wirings(drawn: np.random.Generator) -> dict[str, NDArray[np.float64]]:
-    """Who listens to whom, (10, 10): a ring, a star, a chain, and one other drawn for each."""
-    others = [int(drawn.choice([j for j in range(10) if j != i])) for i in range(10)]
-    ring, chain = np.roll(np.eye(10), -1, axis=1), np.eye(10, k=-1)
-    star = np.zeros((10, 10))
-    star[1:, 0] = 1.0
-    return {"ring": ring, "star": star, "chain": chain, "one other, at random": np.eye(10)[others]}
-
-
-def _area(linked: NDArray[np.float64], others: NDArray[np.float64]) -> float:
-    """Area under the receiver operating characteristic (Mann & Whitney)."""
-    return float((linked[:, None] > others).mean() + (linked[:, None] == others).mean() / 2)
-
-
 def usual(table: pd.DataFrame) -> pd.DataFrame:
     """The rows of the usual condition, which is the first."""
     first = table.iloc[0]
@@ -204,16 +137,7 @@ def sweep_table(table: pd.DataFrame) -> Table:
     return Table(["breaks", "loudness", "knowers", "range (m)", "n", *map(_name, names)], rows)
 
 
-def estimator_table(checks: pd.DataFrame) -> Table:
-    """The checks of the estimator."""
-    rows = [
-        [row.case, f"{row.estimate:.4g}", "–" if np.isnan(row.expected) else f"{row.expected:.4g}"]
-        for row in checks.itertuples()
-    ]
-    return Table(["case", "estimate", "expected"], rows)
-
-
-def page(table: pd.DataFrame, checks: pd.DataFrame, made: str, figures: Sequence[str]) -> str:
+def page(table: pd.DataFrame, made: str, figures: Sequence[str]) -> str:
     """The page of a study. made: a sentence on its settings. figures: the names of the files of its figures."""
     is_swept = len(usual(table)) < len(table)
     return "\n".join(
@@ -225,7 +149,6 @@ def page(table: pd.DataFrame, checks: pd.DataFrame, made: str, figures: Sequence
             *(f"![{name.removesuffix('.png')}](figures/{name})\n" for name in figures),
             *(f"{one.title}:\n\n{one.markdown()}" for one in main_tables(table)),
             *([f"## Sweep: long after the break\n\n{sweep_table(table).markdown()}"] if is_swept else []),
-            f"## The estimator of transfer entropy on known cases\n\n{estimator_table(checks).markdown()}",
         ]
     )
 
