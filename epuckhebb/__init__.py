@@ -24,6 +24,7 @@ __version__ = "0.2.0"
 __all__ = [
     "GA",
     "Adaptation",
+    "ChangeSignal",
     "Coupling",
     "Evaluation",
     "Evolution",
@@ -48,6 +49,7 @@ __all__ = [
 
 if TYPE_CHECKING:
     from epuckhebb.adaptation.adaptation import Adaptation
+    from epuckhebb.adaptation.change_signal import ChangeSignal
     from epuckhebb.api import evaluate, evolve, load, play, sweep
     from epuckhebb.api.results import Evaluation, Evolution, Live
     from epuckhebb.controller.evolved import Evolved
@@ -67,6 +69,7 @@ if TYPE_CHECKING:
 _FROM = {  # name -> where it is, if not in `api`
     "GA": "evolution.optimizers.ga",
     "Adaptation": "adaptation.adaptation",
+    "ChangeSignal": "adaptation.change_signal",
     "Coupling": "flock.coupling",
     "Evaluation": "api.results",
     "Evolution": "api.results",

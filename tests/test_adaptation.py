@@ -8,11 +8,11 @@ from cases import first_of
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuckhebb.adaptation.adaptation import Adaptation, Exploration, change_signals
-from epuckhebb.adaptation.change_signal import SignalContext, no_nominal, update_recent
-from epuckhebb.adaptation.change_signals.late import change_signal as late
-from epuckhebb.adaptation.change_signals.novelty import change_signal as novelty
-from epuckhebb.adaptation.change_signals.shortfall import change_signal as shortfall
+from epuckhebb.adaptation.adaptation import Adaptation, Exploration
+from epuckhebb.adaptation.change_signal import SignalContext, no_nominal, signal_of, update_recent
+from epuckhebb.adaptation.change_signals.late import Late
+from epuckhebb.adaptation.change_signals.novelty import Novelty
+from epuckhebb.adaptation.change_signals.shortfall import Shortfall
 from epuckhebb.adaptation.gate import need, resting
 from epuckhebb.adaptation.nominal import REPEATS, measure_nominal
 from epuckhebb.controller.plasticity.control import Sign, signs
@@ -28,6 +28,7 @@ from epuckhebb.tmaze.scenario import Scenario
 
 FAST = {"gain_rad_s": 4.0, "record_every": 1}
 NOTHING = no_nominal(16, 8)
+late, novelty, shortfall = map(signal_of, (Late, Novelty, Shortfall))
 
 
 def controller(N=0.0, signal=Signal.behaviour, sign=Sign.hebbian, **adaptation):
@@ -58,10 +59,6 @@ def live(genome, controller, nominal=None, scenario=None, side="left", seconds=6
 
 def context(time_s=0.0, away_s=0.0, arrived=False, recent=None):
     return SignalContext(time_s, away_s, arrived, np.zeros(17) if recent is None else recent)
-
-
-def test_the_signals_are_the_files_there_are():
-    assert change_signals() == ("late", "novelty", "shortfall")
 
 
 def test_late_compares_with_the_way_there_and_then_with_excursions():

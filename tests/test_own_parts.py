@@ -14,11 +14,12 @@ from cases import SHORT, SMALL_GA, check_resumed, done, refused, runs_of
 
 import epuckhebb
 from epuckhebb import Rule
-from epuckhebb.config import EvaluateConfig, EvolveConfig, FlockConfig, load, plugins
+from epuckhebb.config import EvaluateConfig, EvolveConfig, load, plugins
 from epuckhebb.config.parts import KINDS, part_class
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.store.genome import load_genome
 from epuckhebb.store.run import Run
+from epuckhebb.studies.flock import FlockStudy
 from epuckhebb.studies.identity import Identities
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -36,6 +37,7 @@ BODIES = {
     "task": ("Task", "", ""),
     "optimizer": ("Optimizer", SEARCHES, "def tell(self, fitness): pass"),
     "coupling": ("Coupling", "", "def drive(self, now): return now.weights"),
+    "change signal": ("ChangeSignal", "", "signal = staticmethod(lambda away_s: away_s)"),
 }
 METHODS = [kind for kind, (*_, method) in BODIES.items() if method]
 ARGUMENTS = [kind for kind in METHODS if kind != "coupling"]  # whose method may have some arguments of many
@@ -63,17 +65,18 @@ def words_for(kind, name="Fine", **settings):
 def config_with(kind, text, name="Fine", **settings):
     """The configuration with a part, whose file has this text."""
     Path("bad.py").write_text(text)
-    schema = {"coupling": FlockConfig, "optimizer": EvolveConfig}.get(kind, EvaluateConfig)
+    schema = {"coupling": FlockStudy, "optimizer": EvolveConfig}.get(kind, EvaluateConfig)
     return load(schema, words_for(kind, name, **settings))
 
 
 @pytest.mark.usefixtures("here")
 @pytest.mark.parametrize("kind", BODIES)
 def test_one_of_each_kind_is_found_and_has_its_settings(kind):
-    config = config_with(kind, part(kind), more=2.5)
+    settings = {"more": 2.5} if kind != "change signal" else {}  # whose settings are those of its adaptation
+    config = config_with(kind, part(kind), **settings)
     (own,) = plugins.own_files(config.values).values()
     assert own.copies == {own.copy: Path("bad.py").read_bytes()}
-    assert "'more': 2.5" in str(config.values)
+    assert not settings or "'more': 2.5" in str(config.values)
     assert str(Path("bad.py").absolute()) in str(config.values)
 
 
@@ -100,8 +103,9 @@ def test_what_cannot_be_a_part_is_refused_with_its_key(kind):
         (part(kind, more="def __post_init__(self): raise SystemExit"), "Fine", {}, rf"{key}="),
         (part(kind, more="def __post_init__(self): {}['gone']"), "Fine", {}, rf"{key}=.*gone"),
     ):
-        with pytest.raises(ConfigError, match=message):
-            config_with(kind, text, name, **settings)
+        if kind != "change signal" or not (settings or "__post_init__" in text):  # it is never made, and has none
+            with pytest.raises(ConfigError, match=message):
+                config_with(kind, text, name, **settings)
     with pytest.raises(ConfigError, match=r"there is no Python file, FILE\.py, at "):
         load(EvaluateConfig, ["hebbian.rule=nowhere.py:Fine"])
 
@@ -271,6 +275,15 @@ class oja(Rule):
     def synapse(correlation, post, weight, by):
         return correlation - by.decay * post * post * weight
 '''
+SIGNAL = """
+from epuckhebb import ChangeSignal
+
+
+class Away(ChangeSignal):
+    @staticmethod
+    def signal(away_s, nominal):
+        return away_s / nominal.novelty
+"""
 OJA = ["hebbian.rule=my.py:oja", "hebbian.N=0.0001"]
 BRIEF = ["lifetime.duration_s=2", "lifetime.record_every=0", "repeats=1"]
 
@@ -398,12 +411,22 @@ def runs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("parts")
     for name in ("own_controller", "own_fitness", "own_optimizer", "own_sensor"):
         shutil.copytree(EXAMPLES / name, folder / "examples", dirs_exist_ok=True)
-    write(folder / "examples", {"my": RULE, "helper": "DECAY = 1.0\n"})
+    write(folder / "examples", {"my": RULE, "helper": "DECAY = 1.0\n", "my_signal": SIGNAL})
+    adapted = ["hebbian.signal=fitness", "adaptation.change_signal=my_signal.py:Away", "adaptation.threshold=0.5"]
     return runs_of(
         folder / "runs",
         folder / "examples",
         ["evolve", *PARTS, *SEARCH, "optimizer.generations=2", "hydra.run.dir=evolved"],
-        ["evaluate", "genome=evolved", *PARTS, *OJA, "hebbian.signal=fitness", *SHORT, "hydra.run.dir=evaluated"],
+        [
+            "evaluate",
+            "genome=evolved",
+            *PARTS,
+            *OJA,
+            *adapted,
+            "hebbian.signal=fitness",
+            *SHORT,
+            "hydra.run.dir=evaluated",
+        ],
     )
 
 
@@ -443,11 +466,17 @@ def test_the_champion_and_the_run_hold_what_they_are_of(runs):
     (changed,) = set(rows.changed)
     for text in ("fitness.function=Explorer", "fitness.goal=2", "network.wiring=Ring", "network.hidden=5"):
         assert text in changed
-    plastic = rows[rows.controller == "oja"]
+    plastic = rows[rows.controller == "away"]
     assert set(plastic.N) == {0.0001}
     assert (plastic.weight_change_mean > 0).all()
     files = Run(runs / "evaluated").provenance["own_code"]
-    assert sorted(map(os.path.basename, files)) == ["my.py", "my_fitness.py", "my_neurons.py", "my_sensors.py"]
+    assert sorted(map(os.path.basename, files)) == [
+        "my.py",
+        "my_fitness.py",
+        "my_neurons.py",
+        "my_sensors.py",
+        "my_signal.py",
+    ]
     sha256 = hashlib.sha256((runs / "helper.py").read_bytes()).hexdigest()
     assert sha256 in next(own for file, own in files.items() if file.endswith("my.py"))["sha256"].values()
     settings = (runs / "evaluated" / ".hydra" / "config.yaml").read_text()

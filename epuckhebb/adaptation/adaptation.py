@@ -1,8 +1,6 @@
 """An adaptation put together: its settings, and the functions that a lifetime calls."""
 
-import importlib
 import math
-import pkgutil
 from dataclasses import dataclass, fields
 from enum import Enum
 from functools import cache
@@ -11,13 +9,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.adaptation import change_signals as signals
+from epuckhebb.adaptation import change_signals
 from epuckhebb.adaptation.change_signal import ChangeSignal, no_nominal
 from epuckhebb.adaptation.exploration import following, halting, with_motor_noise
 from epuckhebb.adaptation.gate import PlasticWhen, Stay, gates
 from epuckhebb.adaptation.homeostasis import HomeostasisState, homeostasis, initial_homeostasis_state
 from epuckhebb.adaptation.wall_following import wall_following
 from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.own_class import class_in, names_in
 from epuckhebb.controller.plasticity.rule import NoRule, Rule
 from epuckhebb.controller.random import noise_workspace_size
 from epuckhebb.controller.ranges import check, within
@@ -29,17 +28,6 @@ from epuckhebb.tmaze.robot import STEP_S, Robot
 
 NONE = "none"
 NEVER = 1e9  # a threshold that no signal reaches
-
-
-@cache
-def change_signals() -> tuple[str, ...]:
-    """The names of all signals of change: the files of `change_signals/`."""
-    return tuple(sorted(module.name for module in pkgutil.iter_modules(signals.__path__)))
-
-
-def _signal(name: str) -> ChangeSignal:
-    function: ChangeSignal = importlib.import_module(f"{signals.__name__}.{name}").change_signal
-    return function
 
 
 class Exploration(Enum):
@@ -54,18 +42,18 @@ class Exploration(Enum):
 class Adaptation(NoAdaptation):
     """When plasticity acts in a lifetime, how the robot explores meanwhile, and whether its light weights are scaled.
 
-    name: in tables. change_signal: the signal that opens the gate; with `none` the gate is always open, and only
-    homeostasis is used. threshold, slope: the gate is closed up to the threshold and opens by the slope for each unit
-    of the signal above it; inf: at once. active_s, rest_s: while the signal lasts, the gate is open and closed in turn
-    for these times [s]; active_s = 0: no rests. start_by_s: the gate also opens at this time [s], if the robot has
-    never been at its goal. exploration: what the robot does while the gate is open. motor_noise: standard deviation of
-    noise on both wheels' outputs. plastic_when: when plasticity acts; `late`: while the gate is open, and the weights
-    are reset when it closes. stay: what keeps the robot at the goal; `learn`: plasticity, which then keeps what it
-    learns there. homeostasis: whether the weights from the light sensors are scaled until the light looks as in the
-    training world.
+    name: in tables. change_signal: the signal that opens the gate, a name or a class; with `none` the gate is
+    always open, and only homeostasis is used. threshold, slope: the gate is closed up to the threshold and opens by
+    the slope for each unit of the signal above it; inf: at once. active_s, rest_s: while the signal lasts, the gate
+    is open and closed in turn for these times [s]; active_s = 0: no rests. start_by_s: the gate also opens at this
+    time [s], if the robot has never been at its goal. exploration: what the robot does while the gate is open.
+    motor_noise: standard deviation of noise on both wheels' outputs. plastic_when: when plasticity acts; `late`:
+    while the gate is open, and the weights are reset when it closes. stay: what keeps the robot at the goal;
+    `learn`: plasticity, which then keeps what it learns there. homeostasis: whether the weights from the light
+    sensors are scaled until the light looks as in the training world.
     """
 
-    change_signal: str = NONE
+    change_signal: Any = NONE
     threshold: float = within(-math.inf, default=0.0)
     slope: float = within(0, above=True, default=math.inf)
     active_s: float = within(0, default=0.0)
@@ -78,10 +66,12 @@ class Adaptation(NoAdaptation):
     homeostasis: bool = False
 
     def __post_init__(self) -> None:
-        allowed = (NONE, *change_signals())
-        if self.change_signal not in allowed:
+        allowed = (NONE, *names_in(change_signals))
+        is_own = not isinstance(self.change_signal, str) or ":" in self.change_signal
+        if not is_own and self.change_signal not in allowed:
             raise ValueError(
-                f"adaptation.change_signal must be one of {', '.join(allowed)}, got {self.change_signal!r}"
+                f"adaptation.change_signal must be one of {', '.join(allowed)}, or FILE.py:NAME, a change signal of "
+                f"your own, got {self.change_signal!r}"
             )
         check(self, "adaptation")
         if self.rest_s > 0 and self.active_s == 0:
@@ -109,8 +99,17 @@ class Adaptation(NoAdaptation):
             if unused:
                 raise ValueError(
                     f"adaptation.{unused[0]} does nothing without a signal of change: give adaptation.change_signal, "
-                    f"one of {', '.join(change_signals())}"
+                    f"one of {', '.join(names_in(change_signals))}"
                 )
+
+    @property
+    def signal(self) -> type[ChangeSignal] | None:
+        """The signal of change; None without one."""
+        if self.change_signal == NONE:
+            return None
+        kind = self.change_signal
+        found: type[ChangeSignal] = class_in(change_signals, kind) if isinstance(kind, str) else kind
+        return found
 
     @property
     def parts(self) -> "Parts | tuple[()]":
@@ -120,7 +119,7 @@ class Adaptation(NoAdaptation):
     @property
     def is_gated(self) -> bool:
         """See `NoAdaptation`."""
-        return self.change_signal != NONE
+        return self.signal is not None
 
     @property
     def acts(self) -> bool:
@@ -130,7 +129,7 @@ class Adaptation(NoAdaptation):
     @property
     def needs_arrival(self) -> bool:
         """See `NoAdaptation`."""
-        return self.change_signal == "late"
+        return self.signal is not None and self.signal.needs_arrival
 
     @property
     def follows_walls(self) -> bool:
@@ -146,8 +145,10 @@ class Adaptation(NoAdaptation):
     @property
     def knowledge(self) -> tuple[str, ...]:
         """See `NoAdaptation`."""
-        signals_time = self.change_signal in ("late", "shortfall")
-        times = signals_time and self.threshold < NEVER and not self.is_network_unused
+        takes = self.signal.arguments() if self.signal else ()
+        times = (
+            bool({"time_s", "away_s", "arrived"} & {*takes}) and self.threshold < NEVER and not self.is_network_unused
+        )
         uses = {
             "clock": times,
             "correct side": times,
@@ -172,8 +173,7 @@ class Adaptation(NoAdaptation):
                 f"adaptation={self.name} scales the weights between the light sensors and the first layer, and "
                 f"network.wiring={wiring.name} has no layers; give another adaptation, or network.wiring={LAYERS}"
             )
-        compares_fitness = self.is_gated and "fitness" in _signal(self.change_signal).__code__.co_names
-        if rule.signal == Signal.fitness and compares_fitness:
+        if rule.signal == Signal.fitness and self.signal and "fitness" in self.signal.arguments():
             raise ValueError(
                 f"hebbian.signal=fitness does not go with adaptation={self.name}, which needs the nominal statistics "
                 "of the paper's live fitness; give another signal, or another adaptation"
@@ -232,7 +232,7 @@ class AdaptationState(NamedTuple):
 class Parts(NamedTuple):
     """The settings of an adaptation that say which functions it has; the others are numbers (`Gate`)."""
 
-    change_signal: str = NONE
+    signal: type[ChangeSignal] | None = None
     follows_walls: bool = False
     plastic_when: PlasticWhen = PlasticWhen.late
     stay: Stay = Stay.none
@@ -242,18 +242,18 @@ class Parts(NamedTuple):
 @cache
 def _hooks(parts: Parts, robot: Robot, post: int) -> Hooks:
     """The functions of an adaptation; those of a kernel are made once, so that it is compiled once."""
-    gated, limit = parts.change_signal != NONE, robot.motor_limit_rad_s
+    limit = robot.motor_limit_rad_s
     explore, open_gate = NO_HOOKS.explore, NO_HOOKS.open_gate
-    if gated:
+    if parts.signal is not None:
         explore = with_motor_noise(limit)
         if parts.follows_walls:
             explore = following(wall_following(robot), limit)
         if parts.stay.halts:
             explore = halting(explore)
-        open_gate = gates(_signal(parts.change_signal), parts.plastic_when, parts.stay)
+        open_gate = gates(parts.signal, parts.plastic_when, parts.stay)
     return Hooks(
         scale=homeostasis(robot.light.count, post) if parts.homeostasis else NO_HOOKS.scale,
         open_gate=open_gate,
         explore=explore,
-        resets=gated and parts.stay is not Stay.learn,
+        resets=parts.signal is not None and parts.stay is not Stay.learn,
     )

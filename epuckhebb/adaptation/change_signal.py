@@ -1,34 +1,77 @@
-"""Signals of change: how a robot notices that its world is no longer the one in which it was evolved.
-
-A signal may use the time, how long the robot has been away from the goal, and recent means of its sensor readings and
-live fitness (`SignalContext`). To add one, write a file in `change_signals/`, named as the signal, with a compiled
-function `change_signal(context, nominal)`. It returns a number that grows with the change.
-"""
+"""Signals of change: how a robot notices that its world is no longer the one in which it was evolved."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled
+from epuckhebb.controller.own_class import OwnClass, arguments, call_of
 from epuckhebb.tmaze.robot import STEP_S
 
 RECENT_S = 5.0  # time constant of recent means
 PATTERNS = 64  # of the light in training; chosen on champions 1 to 20, in the known changed worlds
 
 
-class SignalContext(NamedTuple):
-    """What a signal of change receives at a step.
+_OF_SIGNAL = {  # the arguments that `signal` may have, and how the kernel has them
+    "time_s": "now.time_s",
+    "away_s": "now.away_s",
+    "arrived": "now.arrived",
+    "readings": "now.recent",
+    "fitness": "float(now.recent[now.recent.shape[0] - 1])",
+    "nominal": "nominal",
+}
 
-    time_s: since the start. away_s: since the start, or since the robot was last at the goal. arrived: whether it ever
-    was. recent: recent means of the sensor readings, then of the live fitness, (inputs + 1,).
-    """
+
+class SignalContext(NamedTuple):
+    """What a signal of change is made from at a step; recent: (inputs + 1,), of readings, then of the live fitness."""
 
     time_s: float
     away_s: float
     arrived: bool
     recent: Floats
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChangeSignal(OwnClass):
+    """A signal of change, a number that grows with the change. A signal has no settings; an adaptation has.
+
+    A subclass has a static method `signal`, compiled by numba, whose arguments are any of these names, in any order:
+
+        time_s       since the start, s
+        away_s       since the start, or since the robot was last at the goal, s
+        arrived      whether it ever was
+        readings     recent means of the sensor readings; what follows them is no reading
+        fitness      the recent mean of the live fitness
+        nominal      the same in the training world: `NominalOfSide`
+
+    needs_arrival: whether it compares with the time at which the champion reached its goal in training.
+    """
+
+    PART: ClassVar[str] = "change signal"
+    KEY: ClassVar[str] = "adaptation.change_signal"
+    METHODS: ClassVar[tuple[str, ...]] = ("signal",)
+    needs_arrival: ClassVar[bool] = False
+    signal: ClassVar[Callable[..., float] | None] = None
+
+    @classmethod
+    def arguments(cls) -> tuple[str, ...]:
+        """The names of the arguments of `signal`, in its order; a ValueError if one is unknown."""
+        return arguments(cls.what(), cls.signal, _OF_SIGNAL)
+
+    @classmethod
+    def check_class(cls) -> None:
+        """Check its method `signal`; else a ValueError."""
+        super().check_class()
+        cls.arguments()
+
+
+def signal_of(kind: type[ChangeSignal]) -> Callable[..., float]:
+    """The function `signal(now, nominal)` of a kernel. now: a `SignalContext`. nominal: a `NominalOfSide`."""
+    function: Callable[..., float] = call_of(kind.signal, kind.arguments(), _OF_SIGNAL, "now, nominal")
+    return function
 
 
 class NominalOfSide(NamedTuple):
@@ -62,9 +105,6 @@ def no_nominal(inputs: int, lights: int) -> NominalOfSide:
         lengths=np.ones(PATTERNS),
         novelty=np.inf,
     )
-
-
-ChangeSignal = Callable[[SignalContext, NominalOfSide], float]
 
 
 @compiled

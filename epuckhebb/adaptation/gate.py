@@ -11,7 +11,7 @@ from enum import Enum
 from typing import Any
 
 from epuckhebb.adaptation import exploration
-from epuckhebb.adaptation.change_signal import ChangeSignal, SignalContext, update_recent
+from epuckhebb.adaptation.change_signal import ChangeSignal, SignalContext, signal_of, update_recent
 from epuckhebb.controller.compiling.kernel import compiled
 from epuckhebb.tmaze.goal_signal import goal_signal
 from epuckhebb.tmaze.robot import STEP_S
@@ -55,8 +55,9 @@ def resting(late_s: float, active_s: float, rest_s: float) -> bool:
     return active_s > 0.0 and late_s % (active_s + rest_s) >= active_s
 
 
-def gates(signal: ChangeSignal, plastic_when: PlasticWhen, stay: Stay) -> Callable[..., float]:
+def gates(kind: type[ChangeSignal], plastic_when: PlasticWhen, stay: Stay) -> Callable[..., float]:
     """The function that opens both gates, `open_gate` of `adaptation.Hooks`."""
+    signal = signal_of(kind)
     always, at_the_goal = plastic_when is PlasticWhen.always, plastic_when is PlasticWhen.goal_signal
     halts, for_good = stay.halts, stay is Stay.halt
 

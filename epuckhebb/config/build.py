@@ -7,7 +7,7 @@ from typing import Any
 
 from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.config import hand
-from epuckhebb.config.parts import GENETIC, NONE, PAPER, Layers, part_from, part_names
+from epuckhebb.config.parts import GENETIC, NONE, PAPER, Layers, part_class, part_from, part_names
 from epuckhebb.config.parts_from_yaml import maze_from, robot_from
 from epuckhebb.config.values import part_settings, row
 from epuckhebb.controller.network import HIDDEN, Network
@@ -91,6 +91,13 @@ def controller_from(hebbian: Mapping[str, Any], adaptation: Adaptation, key: str
     return controller_of(rule_from(hebbian, key), adaptation, hebbian.get("name") or "")
 
 
+def with_signal(adaptation: Adaptation, key: str = "adaptation") -> Adaptation:
+    """An adaptation whose signal of change is a class if it is the user's, FILE.py:NAME."""
+    if ":" not in str(adaptation.change_signal):
+        return adaptation
+    return replace(adaptation, change_signal=part_class("change signal", adaptation.change_signal, key))
+
+
 def controller_of(rule: Rule, adaptation: Adaptation, called: str = "") -> Controller:
     """The controller of a rule and an adaptation. called: the name of the rule; its class unless given."""
     control = "" if rule.sign is Sign.hebbian else f" ({rule.sign.name})"
@@ -119,7 +126,7 @@ def compared(name: str, settings: Any, paper_rate: float) -> Controller:
     over = own.pop("adaptation", None) or {}
     if not isinstance(over, Mapping):
         raise ConfigError(f"{key}.adaptation must be the name of an adaptation, or its settings, got {over}")
-    over = part_settings(Adaptation, over, f"{key}.adaptation", "an adaptation")
+    over = part_settings(Adaptation, over, f"{key}.adaptation", "an adaptation", change_signal=str)
     rule_settings = {"rule": PAPER, **own}
     if rule_settings["rule"] != NONE:
         rule_settings.setdefault("N", paper_rate)
@@ -127,7 +134,7 @@ def compared(name: str, settings: Any, paper_rate: float) -> Controller:
         return Controller(
             name=name,
             rule=rule_from(rule_settings, key),
-            adaptation=Adaptation(**{**over, "name": name}) if over else Adaptation(),
+            adaptation=with_signal(Adaptation(**{**over, "name": name}), f"{key}.adaptation") if over else Adaptation(),
         )
     except (ValueError, TypeError) as error:
         raise error if isinstance(error, ConfigError) else ConfigError(f"{key}: {error}") from error

@@ -4,17 +4,17 @@ A part of the program is a file of its kind's package, named by the part; one of
 checked and made in the same way.
 """
 
-import importlib
-import pkgutil
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import ModuleType
 from typing import Any
 
+from epuckhebb.adaptation import change_signals
+from epuckhebb.adaptation.change_signal import ChangeSignal
 from epuckhebb.config.plugins import class_named
 from epuckhebb.config.values import part_settings
 from epuckhebb.controller import wirings
-from epuckhebb.controller.own_class import OwnClass
+from epuckhebb.controller.own_class import OwnClass, class_in, names_in
 from epuckhebb.controller.plasticity import rules
 from epuckhebb.controller.plasticity.rule import Rule
 from epuckhebb.controller.wiring import LAYERS, Wiring
@@ -66,8 +66,7 @@ class Kind:
     @property
     def names(self) -> list[str]:
         """The parts that the program has."""
-        files = pkgutil.iter_modules(self.package.__path__) if self.package else ()
-        return sorted([*self.besides, *(file.name for file in files)])
+        return sorted([*self.besides, *(names_in(self.package) if self.package else ())])
 
 
 KINDS = {
@@ -79,6 +78,7 @@ KINDS = {
     "physics": Kind(Physics, physics),
     "optimizer": Kind(Optimizer, optimizers),
     "coupling": Kind(Coupling, couplings),
+    "change signal": Kind(ChangeSignal, change_signals),
 }
 
 PART_GROUPS = ("compare", *(kind.group.partition(".")[0] for kind in KINDS.values()))
@@ -100,14 +100,16 @@ def part_class(kind: str, name: Any, key: str) -> Any:
             raise ConfigError(f"{key}={name}: {error}") from error
         return part
     if name not in row.names:
-        names = [*([NONE] if kind == "rule" else []), *row.names, f"or FILE.py:NAME, a {kind} of your own"]
+        names = [
+            *([NONE] if kind in ("rule", "change signal") else []),
+            *row.names,
+            f"or FILE.py:NAME, a {kind} of your own",
+        ]
         raise ConfigError(f"{key} must be one of {', '.join(names)}, got {name!r}")
     if name in row.besides:
         return row.besides[name]
     assert row.package is not None  # it has the names
-    module = importlib.import_module(f"{row.package.__name__}.{name}")
-    classes = [one for one in vars(module).values() if isinstance(one, type) and issubclass(one, OwnClass)]
-    return next(one for one in classes if one.__module__ == module.__name__)
+    return class_in(row.package, name)
 
 
 def part_from(kind: str, settings: Mapping[str, Any], key: str) -> Any:

@@ -78,7 +78,8 @@ def _resolve(
         cfg.training.name += " changed"
     added = cfg.get("adaptation")
     if added and added.name == NONE and (added.change_signal != NONE or added.homeostasis):
-        cfg.adaptation.name = choices.get("adaptation", NONE)
+        _, is_own, kind = str(added.change_signal).rpartition(":")
+        cfg.adaptation.name = kind.lower() if is_own else choices["adaptation"]
     if cfg.get("compare"):
         cfg.compare = dict(_compared(str(name), given, config_dir) for name, given in cfg.compare.items())
     if ":" in str((cfg.get("optimizer") or {}).get("algorithm")) and not any(map(_OF_GA.match, overrides)):

@@ -149,6 +149,7 @@ class EvaluateConfig(WorldConfig):
     def __post_init__(self) -> None:
         """Validate the settings."""
         super().__post_init__()
+        self.adaptation = build.with_signal(self.adaptation)
         main = build.controller_from(self.hebbian, self.adaptation)
         given = build.with_controls(main, self.world.task)
         others = [build.compared(name, settings, self.scenario.paper_N) for name, settings in self.compare.items()]

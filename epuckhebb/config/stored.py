@@ -19,6 +19,7 @@ from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
 
 _RULE = "oja"  # stands for a user's: it has no settings of its own, and cannot be taken for the paper's
+_SIGNAL = "late"
 _STAND_INS = {
     "fitness": PAPER,
     "wiring": LAYERS,  # a page has the neurons and synapses that were recorded
@@ -95,6 +96,9 @@ def without_own_code(values: Plain) -> Plain:
         sensor.clear()
         sensor.update(recorded=name, readings=readings)
     rules = [rule for rule in (values.get("hebbian"), *_within(values, "compare").values()) if isinstance(rule, dict)]
+    for rule in [values, *rules]:
+        if ":" in str(_within(rule, "adaptation").get("change_signal")):
+            rule["adaptation"]["change_signal"] = _SIGNAL
     for rule in rules:
         if ":" in str(rule.get("rule")) or rule.get("signal") == Signal.fitness.name:
             for key in [key for key in rule if key not in ("N", "sign", "name", "adaptation")]:

@@ -1,7 +1,9 @@
 """Classes of which users write subclasses, such as a rule or a fitness: settings, checks, and calls from a kernel."""
 
+import importlib
 import inspect
 import math
+import pkgutil
 import traceback
 from collections import namedtuple
 from collections.abc import Collection, Iterator, Mapping
@@ -9,6 +11,7 @@ from contextlib import contextmanager
 from dataclasses import fields
 from enum import Enum
 from pathlib import Path
+from types import ModuleType
 from typing import Any, ClassVar, cast
 
 import numpy as np
@@ -77,6 +80,18 @@ def calling(what: str, error: type[ValueError] = ValueError) -> Iterator[None]:
         lines = [frame.lineno for frame in frames if not Path(frame.filename).is_relative_to(_OURS)]
         where = f" in line {lines[0]}" if lines else ""
         raise error(f"{what} failed{where}: {type(reason).__name__}: {reason}") from reason
+
+
+def names_in(package: ModuleType) -> list[str]:
+    """The program's parts of a kind: the files of its package."""
+    return sorted(file.name for file in pkgutil.iter_modules(package.__path__))
+
+
+def class_in(package: ModuleType, name: str) -> Any:
+    """The class of one of them."""
+    module = importlib.import_module(f"{package.__name__}.{name}")
+    classes = [one for one in vars(module).values() if isinstance(one, type) and issubclass(one, OwnClass)]
+    return next(one for one in classes if one.__module__ == module.__name__)
 
 
 def base_of(kind: type[OwnClass]) -> type[OwnClass]:

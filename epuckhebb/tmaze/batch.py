@@ -13,7 +13,6 @@ from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.outcome import Outcome
-from epuckhebb.tmaze.own_sensor import own_sensors
 from epuckhebb.tmaze.robot import OUTPUTS, STEP_S
 from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.scenario import Scenario
@@ -87,17 +86,11 @@ def load_kernel(
         )
 
 
-def _own_parts(controller: Controller, network: Network, world: Scenario) -> list[OwnClass]:
-    """The parts of a lifetime that are the user's own."""
-    parts = [
-        controller.rule,
-        network.wiring,
-        world.fitness,
-        world.task,
-        world.physics,
-        *own_sensors(world.robot.sensors),
-    ]
-    return [part for part in parts if part is not None and is_own(type(part))]
+def _own_parts(controller: Controller, network: Network, world: Scenario) -> list[type[OwnClass]]:
+    """The classes of a lifetime's parts that are the user's own."""
+    parts = (controller.rule, network.wiring, world.fitness, world.task, world.physics, *world.robot.sensors)
+    kinds = [*map(type, parts), *controller.adaptation.parts]
+    return [kind for kind in kinds if isinstance(kind, type) and issubclass(kind, OwnClass) and is_own(kind)]
 
 
 def _content(result: tuple[Outcome, Samples]) -> list[bytes]:

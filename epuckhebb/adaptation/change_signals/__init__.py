@@ -1,1 +1,1 @@
-"""The signals of change, one file each; `epuckhebb.adaptation.change_signal` says what a signal may use."""
+"""The signals of change, one file each; see `epuckhebb.adaptation.change_signal`."""

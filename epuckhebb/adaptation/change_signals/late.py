@@ -7,19 +7,23 @@ supervisor.
 """
 
 import math
+from dataclasses import dataclass
+from typing import ClassVar
 
-from epuckhebb.adaptation.change_signal import NominalOfSide, SignalContext
-from epuckhebb.controller.compiling.kernel import compiled
+from epuckhebb.adaptation.change_signal import ChangeSignal, NominalOfSide
 
 LEAST_AWAY_S = 5.0  # shorter excursions from the goal do not count
 
 
-@compiled
-def change_signal(context: SignalContext, nominal: NominalOfSide) -> float:
-    """Time away over the longest in training: on the way to the goal before the first arrival, off it afterwards.
+@dataclass(frozen=True, kw_only=True)
+class Late(ChangeSignal):
+    """Time away over the longest in training."""
 
-    It is nan, which opens no gate, if the robot never arrived in training.
-    """
-    if context.arrived and not math.isnan(nominal.time_to_goal_s):
-        return context.away_s / max(nominal.away_s, LEAST_AWAY_S)
-    return context.away_s / nominal.time_to_goal_s
+    needs_arrival: ClassVar[bool] = True
+
+    @staticmethod
+    def signal(away_s: float, arrived: bool, nominal: NominalOfSide) -> float:
+        """Before the first arrival, the time on the way; it is nan, which opens no gate, without one in training."""
+        if arrived and not math.isnan(nominal.time_to_goal_s):
+            return away_s / max(nominal.away_s, LEAST_AWAY_S)
+        return away_s / nominal.time_to_goal_s

@@ -5,12 +5,17 @@
 The live fitness includes whether the robot is in the correct arm, so this signal needs a supervisor.
 """
 
-from epuckhebb.adaptation.change_signal import NominalOfSide, SignalContext
-from epuckhebb.controller.compiling.kernel import compiled
+from dataclasses import dataclass
+
+from epuckhebb.adaptation.change_signal import ChangeSignal, NominalOfSide
 
 
-@compiled
-def change_signal(context: SignalContext, nominal: NominalOfSide) -> float:
-    """The least nominal fitness of this second (or of the last one), less the recent fitness."""
-    second = min(int(context.time_s), nominal.fitness.shape[0] - 1)
-    return float(nominal.fitness[second]) - float(context.recent[context.recent.shape[0] - 1])
+@dataclass(frozen=True, kw_only=True)
+class Shortfall(ChangeSignal):
+    """The least nominal fitness of this second, less the recent fitness."""
+
+    @staticmethod
+    def signal(time_s: float, fitness: float, nominal: NominalOfSide) -> float:
+        """After the last second in training, that second counts."""
+        second = min(int(time_s), nominal.fitness.shape[0] - 1)
+        return float(nominal.fitness[second]) - fitness
