@@ -18,7 +18,7 @@ def notes_of(genome: Genome, config: EvaluateConfig) -> list[str]:
     notes = [showcase(genome, "" if config.changed else config.scenario.name, rates[0] if rates else 0.0)]
     world, fitness = config.world, genome.fitness_function or PAPER_FITNESS.name
     if genome.experiment and genome.experiment != world.experiment:
-        trained = training_world(genome.experiment, config.scenario.name, config.maze, config.robot, world.physics)
+        trained = training_world(config, genome.experiment, world.physics)
         before, now = _facts(trained), _facts(world)
         differ = [f"{name} {value} -> {now[name]}" for name, value in before.items() if now[name] != value]
         same = "" if "light" in " ".join(differ) else f"; the light, {now['light']}, is the same"
