@@ -52,17 +52,6 @@ def test_the_bundled_champions_remember():
 
 @pytest.mark.thorough
 @pytest.mark.usefixtures("here")
-def test_a_champion_keeps_what_it_remembers_and_show_tells():
-    done("evolve", *TINY, "hydra.run.dir=run")
-    nominal = load_genome("run", "obstacles").nominal
-    assert (nominal.experiment, nominal.scenario, nominal.gain_rad_s) == ("obstacles", "base", 1.0)
-    shown = call("show", "run").stdout
-    assert "Nominal: base at 1 rad/s" in shown
-    assert f"{nominal.reading_mean[1, 3]:.2f} ± {nominal.reading_spread[1, 3]:.2f}" in shown
-
-
-@pytest.mark.thorough
-@pytest.mark.usefixtures("here")
 def test_older_champions_live_again_and_say_so():
     np.save("old.npy", load_genome("reference_20", "obstacles").genes)
     result = done("evaluate", "adaptation=late", "genome=old.npy", *BRIEF)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from epuckhebb.controller.network import PAPER_NETWORK, Network
 from epuckhebb.controller.plasticity.control import Sign, signs
-from epuckhebb.controller.plasticity.rule import NoRule, Rule
+from epuckhebb.controller.plasticity.rule import Rule
 from epuckhebb.controller.plasticity.rules.bcm import BCM
 from epuckhebb.controller.plasticity.rules.differential import Differential
 from epuckhebb.controller.plasticity.rules.oja import Oja
@@ -175,10 +175,6 @@ def test_signs_of_the_controls():
     shuffled = signs(Sign.shuffled, 234, rng)
     assert set(shuffled) == {-1.0, 1.0}
     assert 80 < (shuffled == 1).sum() < 154
-
-
-def test_no_rule_changes_nothing():
-    assert NoRule.synapse() == 0.0
 
 
 @pytest.mark.parametrize("rule", RULES)

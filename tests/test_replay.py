@@ -12,10 +12,10 @@ import pytest
 
 from epuckhebb.analysis import movie, replay
 from epuckhebb.analysis.evaluate import Traces, evaluate
-from epuckhebb.analysis.moments import Arrival, arrival, begins, timed_change_text
+from epuckhebb.analysis.moments import Arrival, arrival, timed_change_text
 from epuckhebb.controller.network import Network, initial_weights_of
 from epuckhebb.controller.plasticity.rules.paper import Paper
-from epuckhebb.tmaze.individual import GA, HEBBIAN, Controller
+from epuckhebb.tmaze.individual import GA, HEBBIAN, Controller, Individual
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.maze import T_MAZE, Box, Maze, Place, Pose, Region, boxes
 from epuckhebb.tmaze.robot import Robot
@@ -23,6 +23,7 @@ from epuckhebb.tmaze.samples import Samples, empty_samples
 from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.sensors import DistanceSensors, LightSensors
 from epuckhebb.tmaze.sensors import Place as Sensor
+from epuckhebb.tmaze.session import Session
 
 COLUMNS = {"x": ("pose", 0), "y": ("pose", 1), "heading": ("pose", 2), "left": ("motors", 0), "right": ("motors", 1)}
 SAME_NAME = {"sensors": "sensors", "fitness": "fitness", "rate": "rate", "weightChange": "weight_change"}
@@ -128,30 +129,39 @@ def test_arrival_counts_the_goal_of_the_moment(genes):
     moving = Scenario(changes=[{"at_s": 30.0, "goals": MOVED}, {"at_s": 70.0, "goals": T_MAZE.goals}])
     metrics, traces = evaluate(genes, moving, [], Lifetime(duration_s=120.0, record_every=8), repeats=1, seed=1)
     for k, row in enumerate(metrics):
-        arrived = arrival(traces.samples.time[k], traces.samples.pose[k], moving, row["side"])
+        arrived = arrival(Samples(*(array[k] for array in traces.samples)), moving, row["side"])
         assert arrived.time == pytest.approx(row["time_to_goal_s"], abs=0.033)
         assert arrived.stayed == bool(row["success"])
 
 
-def straight(x, y):
-    """Time and pose of a robot that stands at these places, a second at each."""
-    return np.arange(len(x), dtype=float), np.column_stack([x, y, np.zeros(len(x))])
+def standing(x, y, *began):
+    """What is recorded of a robot that stands at a place for six seconds, in worlds that began at these times."""
+    still = empty_samples(6, Network())._replace(time=np.arange(6.0), phase_began=np.array(began))
+    still.pose[:, :2] = x, y
+    return still
 
 
 def test_a_goal_that_comes_to_the_robot_is_an_arrival():
     world = Scenario(changes=[{"at_s": 3.0, "goals": MOVED}])
-    arrived = arrival(*straight([-0.25] * 6, [0.155] * 6), world, "left")
+    arrived = arrival(standing(-0.25, 0.155, 0.0, 94 * 0.032), world, "left")
     assert (arrived.time, arrived.stayed) == (pytest.approx(94 * 0.032 + 0.032), True)
-    assert arrival(*straight([-0.25] * 6, [0.155] * 6), Scenario(), "left").time is None
+    assert arrival(standing(-0.25, 0.155, 0.0), Scenario(), "left").time is None
 
 
-def test_new_walls_wait_for_the_robot_to_move_away():
-    world = Scenario(changes=[{"at_s": 2.0, "obstacles": 4}, {"at_s": 4.0, "light": 1.0}])
-    beside = straight([-0.114] * 6 + [0.0] * 3, [0.16] * 9)  # below the obstacle of the left arm, then away
-    since = [since for since, _ in begins(world, *beside)]
-    assert since[:2] == [0.0, pytest.approx(5.5, abs=0.3)]
-    assert since[2] == since[1]  # the light waits for the walls
-    assert [since for since, _ in begins(world, *straight([-0.114] * 6, [0.16] * 6))] == [0.0, None, None]
+def test_new_walls_wait_for_the_robot_to_move_away(genes):
+    """And so does the light that changes meanwhile."""
+    start = Pose(-0.114, 0.16, 0.0)  # below the obstacle of the left arm
+    world = Scenario(changes=[{"at_s": 0.1, "obstacles": 4}, {"at_s": 0.2, "light": 1.0}])
+    began = []
+    for weights in (genes, np.zeros(234)):
+        individual = Individual(genes=weights, side="left", key=np.uint64(1), start=start, record=True)
+        session = Session(individual, world, Lifetime(duration_s=60.0, gain_rad_s=4.0, record_every=8))
+        session.step(10_000)
+        began.append(session.samples.phase_began.tolist())
+    moving, still = began
+    assert moving[0] == still[0] == 0.0
+    assert 0.2 < moving[1] == moving[2] < 60.0
+    assert np.isnan(still[1:]).all()
 
 
 def test_floor_is_clear_of_walls(page):

@@ -63,7 +63,7 @@ def assert_bit_identical(one, other):
     (outcome, samples), (same, those) = one, other
     assert np.array(outcome).tobytes() == np.array(same).tobytes()
     assert outcome.trials.tobytes() == same.trials.tobytes()
-    for name in samples._fields:
+    for name in set(samples._fields) - {"phase_began"}:  # of which a world that is changed by hand has one
         assert getattr(samples, name).tobytes() == getattr(those, name).tobytes(), name
 
 

@@ -14,7 +14,6 @@ from matplotlib.font_manager import FontProperties, findfont, get_font
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Circle, Rectangle
 from matplotlib.patheffects import withStroke
-from numpy.typing import NDArray
 
 from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.analysis.floor import view
@@ -22,6 +21,7 @@ from epuckhebb.analysis.moments import arrival, begins, timed_change_text, with_
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.tmaze.individual import CONTROLS, GA, HEBBIAN
 from epuckhebb.tmaze.maze import SIDES, Side, boxes
+from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.scenario import Scenario
 
 # Blue and orange (the paper: red), which colour-blind readers can distinguish.
@@ -57,8 +57,8 @@ def trajectories(traces: Traces, scenario: Scenario, title: str) -> Figure:
         draw_maze(axes, scenario)
         for lifetime, side in enumerate(traces.side):
             if traces.controller[lifetime] == controller:
-                time, pose = traces.samples.time[lifetime], traces.samples.pose[lifetime]
-                _draw_path(axes, time, pose, scenario, "left" if side == "left" else "right")
+                samples = Samples(*(array[lifetime] for array in traces.samples))
+                _draw_path(axes, samples, scenario, "left" if side == "left" else "right")
         axes.set_title(plain(controller_title(controller)), fontsize=11)
     size = 7.5 if any(len(label) > 24 for axes in panels for label in axes.get_legend_handles_labels()[1]) else 9
     for axes in panels:
@@ -183,17 +183,16 @@ def _label(
     return axes.annotate(text, place, offset, textcoords="offset points", fontsize=8, color=colour, ha=ha)
 
 
-def _draw_path(
-    axes: Axes, time: NDArray[np.float64], pose: NDArray[np.float64], scenario: Scenario, side: Side
-) -> None:
-    end = "is rewarded first" if scenario.task.has_trials else arrival(time, pose, scenario, side).text
+def _draw_path(axes: Axes, samples: Samples, scenario: Scenario, side: Side) -> None:
+    time, pose = samples.time, samples.pose
+    end = "is rewarded first" if scenario.task.has_trials else arrival(samples, scenario, side).text
     radius, start = scenario.robot.radius_m, scenario.maze.start
     _, path = with_gaps(time, pose, scenario)
     axes.plot(path[:, 0], path[:, 1], color=SIDE_COLOUR[side], linewidth=1.4, label=f"{side}: {end}")
     axes.add_patch(Circle((pose[-1, 0], pose[-1, 1]), radius, fill=False, edgecolor=SIDE_COLOUR[side], linewidth=1.2))
     axes.plot(start.x, start.y, marker="o", markersize=4, color="black")
     near: list[tuple[float, float, list[str]]] = []  # changes at about the same place of the robot
-    for number, (since, _) in enumerate([] if scenario.hand else begins(scenario, time, pose)):
+    for number, (since, _) in enumerate([] if scenario.hand else begins(scenario, samples.phase_began)):
         if number and since is not None:
             x, y = (float(np.interp(since, time, pose[:, axis])) for axis in (0, 1))
             axes.plot(x, y, marker="D", markersize=5.5, color=SIDE_COLOUR[side], markeredgecolor="white", zorder=3)

@@ -7,8 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.tmaze.maze import Side, added
+from epuckhebb.tmaze.maze import Side
 from epuckhebb.tmaze.robot import STEP_S
+from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.scenario import Scenario
 
 
@@ -51,35 +52,15 @@ def _number(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else "null" if value is None else str(value)
 
 
-def begins(
-    scenario: Scenario, time: NDArray[np.float64], pose: NDArray[np.float64]
-) -> list[tuple[float | None, Scenario]]:
-    """When each phase of a scenario began for one robot [s], None if not before its record ends, and its world.
+def begins(scenario: Scenario, phase_began: NDArray[np.float64]) -> list[tuple[float | None, Scenario]]:
+    """When each world of a recorded lifetime began [s], None if not before its end, and that world.
 
-    time: (samples,) [s]. pose: (samples, 3) x, y [m], heading [rad]. New walls wait until the robot has left their
-    place, and all later changes wait for them.
+    phase_began: (phases,), as recorded.
     """
-    phases: list[tuple[float | None, Scenario]] = []
-    walls, last = np.empty((0, 4)), 0.0
-    for step, world in scenario.phases:
-        before, walls = walls, world.boxes
-        since = max(step * STEP_S, last)
-        if phases and not np.array_equal(before, walls):
-            moments = np.arange(round(since / STEP_S), round(float(time[-1]) / STEP_S) + 1) * STEP_S
-            x, y = (np.interp(moments, time, pose[:, axis]) for axis in (0, 1))
-            free = moments[_gaps(x, y, added(before, walls)) >= world.robot.radius_m]
-            since = float(free[0]) if len(free) else math.inf
-        last = since
-        phases.append((since if since <= time[-1] else None, world))
-    return phases
-
-
-def _gaps(x: NDArray[np.float64], y: NDArray[np.float64], walls: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Distance from each of some points to the nearest wall [m]."""
-    beside = np.maximum(np.maximum(walls[:, 0] - x[:, None], x[:, None] - walls[:, 1]), 0.0)
-    before = np.maximum(np.maximum(walls[:, 2] - y[:, None], y[:, None] - walls[:, 3]), 0.0)
-    nearest: NDArray[np.float64] = np.hypot(beside, before).min(axis=1, initial=np.inf)
-    return nearest
+    worlds = [world for _, world in scenario.phases]
+    return [
+        (None if np.isnan(since) else float(since), world) for since, world in zip(phase_began, worlds, strict=False)
+    ]
 
 
 def put_back(time: NDArray[np.float64], pose: NDArray[np.float64], scenario: Scenario) -> NDArray[np.intp]:
@@ -102,9 +83,10 @@ def with_gaps(
     return np.insert(time, places, time[places]), np.insert(pose, places, np.nan, axis=0)
 
 
-def arrival(time: NDArray[np.float64], pose: NDArray[np.float64], scenario: Scenario, side: Side) -> Arrival:
-    """When and whether a robot arrived. time: (samples,) [s]. pose: (samples, 3) x, y [m], heading [rad]."""
-    phases = [(since, world) for since, world in begins(scenario, time, pose) if since is not None]
+def arrival(samples: Samples, scenario: Scenario, side: Side) -> Arrival:
+    """When and whether a robot of a recorded lifetime arrived."""
+    time, pose = samples.time, samples.pose
+    phases = [(since, world) for since, world in begins(scenario, samples.phase_began) if since is not None]
     radius = scenario.maze.goal_radius_m
     arrived: float | None = None
     for number, (since, world) in enumerate(phases):

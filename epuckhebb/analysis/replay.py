@@ -66,7 +66,7 @@ def page(
     has_trials = scenario.task.has_trials
     for side in sides:
         of_side = [Samples(*(array[place[name, side]] for array in traces.samples)) for name in controllers]
-        arrivals = [arrival(samples.time, samples.pose, scenario, side) for samples in of_side]
+        arrivals = [arrival(samples, scenario, side) for samples in of_side]
         sentence = reversal_outcome(side, controllers, of_side) if has_trials else outcome(side, controllers, arrivals)
         outcomes[side] = sentence
         lifetimes[side] = [
@@ -74,7 +74,7 @@ def page(
                 "arrival": None if has_trials else arrived.time,
                 "stayed": arrived.stayed and not has_trials,
                 "resets": np.ceil(put_back(samples.time, samples.pose, scenario) / every).astype(int).tolist(),
-                "begins": [since for since, _ in begins(scenario, samples.time, samples.pose)],
+                "begins": [since for since, _ in begins(scenario, samples.phase_began)],
                 **_embedded(samples, initial, every),
             }
             for samples, arrived in zip(of_side, arrivals, strict=True)

@@ -87,7 +87,8 @@ class Session:
         if self._record_every:
             count = -(-self.lifetime.steps // self._record_every)
             count = count if most_samples is None else min(count, most_samples)
-            self.samples = empty_samples(count, individual.network, first.physics)
+            self.samples = empty_samples(count, individual.network, first.physics, len(world.phases))
+        self._not_begun = {step: number for number, (step, _) in enumerate(world.phases)}
         self._history = fitness.initial_history(individual.controller.rule)
         if individual.after is not None:
             before = Session(individual.after, world, self.lifetime, simulator=simulator)
@@ -251,6 +252,14 @@ class Session:
         if gap(x, y, added(handles.walls, phase.walls)) >= self.world.robot.radius_m:
             phase.space.take_over(self._space)
             self._space = phase.space
+            self._note_begin()
+
+    def _note_begin(self) -> None:
+        """Record that all phases that are due have begun: their walls stand."""
+        for step in [step for step in self._not_begun if step <= self._phase.step]:
+            number = self._not_begun.pop(step)
+            if self._record_every:
+                self.samples.phase_began[number] = self.steps * STEP_S
 
     def _enter(self, phase: Phase) -> None:
         """Begin a phase; its walls appear as soon as the robot is not in their way."""
@@ -259,6 +268,8 @@ class Session:
         if self.world.put is not None:
             self._space = phase.space  # there is room for it among the new walls
             self._space.place_robot(self.world.put)
+        if self._space is phase.space:
+            self._note_begin()
         if self.world.reset:
             genotype = self.life.genotype
             self.life.weights[:], self.life.synapse_state[:] = genotype.weights, genotype.synapse_state
