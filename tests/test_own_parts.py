@@ -466,7 +466,7 @@ def test_the_champion_and_the_run_hold_what_they_are_of(runs):
     assert np.load(runs / "evaluated" / "traces.npz")["activations"].shape[2] == 7
     rows = Run(runs / "evaluated").table("metrics.csv")
     (changed,) = set(rows.changed)
-    for text in ("fitness=Explorer", "fitness.goal=2", "network.wiring=Ring", "network.hidden=5"):
+    for text in ("fitness.function=Explorer", "fitness.goal=2", "network.wiring=Ring", "network.hidden=5"):
         assert text in changed
     plastic = rows[rows.controller == "away"]
     assert set(plastic.N) == {0.0001}
