@@ -210,6 +210,8 @@ COMPILED = {  # it takes a kernel to find these; the first is among the ordinary
                     "fitness", "infinite or nan"),
     "fires for ever": (part("wiring", method="neuron = staticmethod(lambda drive: drive + 1.0 / 0.0)"), "wiring",
                        "infinite or nan"),
+    "has no such state": (part("fitness", method="step = staticmethod(lambda state: state.mor)"), "fitness",
+                          "`state` has no 'mor'"),
     "has no such setting": (part("rule", method="synapse = staticmethod(lambda pre, by: pre * by.mor)"), "rule", "mor"),
 }  # fmt: skip
 
