@@ -91,8 +91,8 @@ def test_a_change_takes_effect_at_its_step_and_not_before(run_lifetime, constant
     still = constant(0.01, 0.01)
     _, plain = run_lifetime(still, side, scenario=Scenario(), **settings)
     _, other = run_lifetime(still, side, scenario=changed({"at_s": at_s, **change}), **settings)
-    for one, two in zip(plain, other, strict=True):
-        assert one[:step].tobytes() == two[:step].tobytes()
+    for name in {*plain._fields} - {"phase_began"}:
+        assert getattr(plain, name)[:step].tobytes() == getattr(other, name)[:step].tobytes()
     one, two = getattr(plain, seen_in)[step:], getattr(other, seen_in)[step:]
     assert (one[later] != two[later]).any()
     assert one[:later].tobytes() == two[:later].tobytes()
