@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import reference
+from hypothesis import settings
 from omegaconf import OmegaConf
 
-from epuckhebb.config import hydra_cache
 from epuckhebb.config.parts_from_yaml import robot_from
 from epuckhebb.controller.network import PAPER_NETWORK, Network, by_layer
 from epuckhebb.controller.plasticity.rules.paper import Paper
@@ -23,6 +23,9 @@ from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.scenario import Scenario
 
 HERE = Path(__file__).parent
+settings.register_profile("ordinary", max_examples=20, deadline=None)
+settings.register_profile("thorough", max_examples=100, deadline=None)
+settings.load_profile("ordinary")
 load_studies()
 
 
@@ -31,7 +34,6 @@ def pytest_configure():
     signal.signal(signal.SIGINT, signal.default_int_handler)
     if hasattr(signal, "SIGHUP"):
         signal.signal(signal.SIGHUP, signal.SIG_DFL)
-    hydra_cache._MOST_KEPT = 2_000  # the tests compose more than a user does, and the same in their next run
 
 
 def pytest_collection_finish():

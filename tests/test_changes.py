@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from epuckhebb.controller.plasticity.rules.paper import Paper
@@ -48,7 +48,6 @@ def changed(*changes, **more):
 
 
 @pytest.mark.thorough
-@settings(deadline=None, max_examples=40)
 @given(
     times=st.lists(st.floats(0.001, 12), min_size=1, max_size=3, unique=True).map(sorted),
     keys=st.sets(st.sampled_from(list(SAME)), min_size=1),
@@ -166,11 +165,8 @@ def test_changes_agree_with_the_oracle(genomes, beside_the_oracle):
         ([{"at_s": 1.0}], r"changes\[0\] must have at_s"),
         ([{"at_s": 0.0, "light": 1.0}], r"changes\[0\].at_s must be more than 0 s, .* got 0.0"),
         ([{"at_s": 2, "light": 1.0}, {"at_s": 2, "light": 0.5}], r"changes\[1\].at_s must be more than 2 s"),
-        ([{"at_s": float("nan"), "light": 1.0}], r"changes\[0\].at_s must"),
-        ([{"at_s": 1, "light": "dark"}], r"changes\[0\]: "),
         ([{"at_s": 1, "light": -1}], r"changes\[0\]: scenario.light"),
         ([{"at_s": 1, "obstacles": 3}], r"changes\[0\]: scenario.obstacles must be one of 0, 2, 4 .* got 3"),
-        ([{"at_s": 1, "layout": 1.5, "obstacles": 2}], r"changes\[0\]: "),
         ([{"at_s": 1, "lamp": {"brightness": 1}}], r"changes\[0\]: .*brightness"),
         ([{"at_s": 1, "goals": {"up": (0, 0)}}], r"changes\[0\]: goals must be {left"),
         ([{"at_s": 1, "goals": {"left": (-0.3, 0.3)}}], r"changes\[0\]: the goal of the left, .* cannot be reached"),
@@ -178,8 +174,6 @@ def test_changes_agree_with_the_oracle(genomes, beside_the_oracle):
             [{"at_s": 1, "dead_sensors": [1, 1]}],
             r"changes\[0\]: scenario.dead_sensors must .* each once, .* got \[1,1\]",
         ),
-        ([{"at_s": 1, "left_wheel": "slow"}], r"changes\[0\]: "),
-        ([{"at_s": 1, "mass_ratio": "heavy"}], r"changes\[0\]: mass_ratio must be a number, got 'heavy'"),
     ],
 )
 def test_impossible_changes_are_refused(changes, message):

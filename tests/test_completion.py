@@ -1,6 +1,5 @@
 """The Tab key, in a real bash, and as zsh asks."""
 
-import os
 import shutil
 import subprocess
 import sys
@@ -9,15 +8,9 @@ from pathlib import Path
 import pytest
 from omegaconf import OmegaConf
 
-from epuckhebb.adaptation.adaptation import Exploration
 from epuckhebb.cli import completion
 from epuckhebb.config.compose import composed
-from epuckhebb.controller.plasticity.control import Sign
-from epuckhebb.controller.plasticity.rule import InitialWeights
-from epuckhebb.evolution.optimizers.ga import Crossover, Selection
 from epuckhebb.runtime import conf
-from epuckhebb.studies.reproduce import LiveFitness
-from epuckhebb.tmaze.fitness import Signal
 
 PROGRAM = str(Path(sys.executable).parent / "epuckhebb")
 
@@ -54,16 +47,6 @@ def test_bash(here):
     assert bash("show", "runs/") == ["runs/evolve/one"]
 
 
-@pytest.mark.skipif(not Path(PROGRAM).is_file(), reason="not installed")
-def test_zsh():
-    environment = {**os.environ, "_EPUCKHEBB_COMPLETE": "complete_zsh"}
-    environment["_TYPER_COMPLETE_ARGS"] = "epuckhebb evaluate scenario=4"
-    done = subprocess.run([PROGRAM], env=environment, capture_output=True, text=True, check=True)
-    assert '"scenario=4obstacles"' in done.stdout
-    if shutil.which("zsh"):
-        subprocess.run(["zsh", "-nc", done.stdout], check=True)
-
-
 @pytest.fixture
 def _no_bash(monkeypatch):
     monkeypatch.delenv("COMP_WORDS", raising=False)
@@ -87,36 +70,6 @@ def test_keys_and_values(here):
     assert completion.complete_group("ev") == ["evaluate", "evolve"]
     assert completion.complete_run("") == ["latest", "runs/evolve/one"]
     assert completion.complete_shown("") == ["latest", "reference", "runs/evolve/one"]
-
-
-VALUES = {
-    **{
-        f"evaluate hebbian.{name}": kind
-        for name, kind in (("signal", Signal), ("sign", Sign), ("initial_weights", InitialWeights))
-    },
-    "evolve hebbian.signal": Signal,
-    "evaluate adaptation.exploration": Exploration,
-    "evolve ga.selection": Selection,
-    "evolve ga.crossover": Crossover,
-    "reproduce signal": LiveFitness,
-}
-
-
-@pytest.mark.parametrize("place", VALUES)
-@pytest.mark.usefixtures("_no_bash")
-def test_a_key_of_few_values_is_completed_with_all_of_them(place):
-    command, key = place.split()
-    offered = completion.complete_override(command, f"{key}=")
-    assert sorted(offered) == sorted(f"{key}={member.name}" for member in VALUES[place])
-
-
-@pytest.mark.usefixtures("_no_bash")
-def test_other_values_are_completed_too():
-    key = "adaptation.change_signal"
-    assert completion.complete_override("evaluate", f"{key}=l") == [f"{key}=late"]
-    key = "adaptation.homeostasis"
-    assert completion.complete_override("evaluate", f"{key}=") == [f"{key}=true", f"{key}=false"]
-    assert completion.complete_override("evaluate", "hebbian.w_max=") == ["hebbian.w_max=2.0"]
 
 
 @pytest.mark.parametrize("command", ["evaluate", "evolve", "sweep"])

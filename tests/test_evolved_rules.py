@@ -168,20 +168,6 @@ def test_a_rule_agrees_with_the_oracle(rule, beside_the_oracle, genomes):
 
 
 @pytest.mark.thorough
-def test_as_much_is_learnt_on_a_metre_at_any_wheel_gain(run_lifetime):
-    """N is proportional to the gain; N_gain_rad_s = 0: N at any gain."""
-    genes = np.concatenate([np.zeros(234), np.ones(25)])
-    changes = {}
-    for gain in (1.0, 4.0):
-        for N_gain_rad_s in (0.0, 4.0):
-            rule = ABCDShared(N=1e-6, leak=0.0, N_gain_rad_s=N_gain_rad_s)
-            values = {"controller": Controller(name="own", rule=rule), "gain_rad_s": gain}
-            changes[gain, N_gain_rad_s] = run_lifetime(genes, seconds=0.032, **values)[0].weight_change_final
-    assert changes[1.0, 0.0] == changes[4.0, 0.0] == changes[4.0, 4.0] > 0
-    assert changes[1.0, 4.0] == pytest.approx(changes[4.0, 4.0] / 4)
-
-
-@pytest.mark.thorough
 def test_initial_weights_can_be_drawn_for_each_lifetime(run_lifetime):
     genes = np.concatenate([np.full(234, 2.0), np.zeros(5 * 234)])  # nothing is learnt
 

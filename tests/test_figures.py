@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import matplotlib.figure
 import numpy as np
-import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
@@ -96,11 +95,6 @@ def test_view_is_the_floor_and_the_walls_around_it():
     assert view(IN_ROOM) == (0.16, 0.84, 0.06, 0.54)
 
 
-def test_view_holds_lamps_wherever_they_go():
-    moving = Scenario(maze=ROOM, lamp=IN_ROOM.lamp, changes=[{"at_s": 5.0, "lamp": {"x_m": 0.95}}])
-    assert view(moving) == (0.16, 0.96, 0.06, 0.54)
-
-
 def test_floor_is_where_the_robot_can_be():
     np.testing.assert_allclose(floor(IN_ROOM.maze, EPUCK.radius_m), [[0.2, 0.8, 0.1, 0.5]], atol=0.0015)
     left, right, bottom, top = floor(T_MAZE, EPUCK.radius_m).T
@@ -121,15 +115,6 @@ def test_maze_shows_its_walls_goals_and_robot(drawn):
     (x0, y0), (x1, y1) = shine.get_xydata()
     assert x0 == x1 == 0.5
     assert 0.1 < y0 < y1
-
-
-def test_goals_that_move_are_dashed_and_numbered(drawn):
-    goals = {"left": [-0.2, 0.155]}
-    figures.maze(Scenario(changes=[{"at_s": 9.0, "light": 1.0}, {"at_s": 20.0, "goals": goals}]))
-    (axes,) = drawn[0].axes
-    assert {(-0.36, 0.155, 0.05, "--"), (-0.2, 0.155, 0.05, "--"), (0.36, 0.155, 0.05, ":")} <= set(circles(axes))
-    assert "◆2" in texts(drawn[0])
-    assert "◆1 9 s: light=1    ◆2 20 s: goals.left=[-0.2,0.155]" in texts(drawn[0])
 
 
 def test_changes_are_marked_on_the_path(drawn):
@@ -160,20 +145,6 @@ def test_legend_says_how_it_ended(drawn, end, drives_on, label):
     figures.trajectories(traces, Scenario(), "")
     assert label in texts(drawn[0])
     assert "● start    ○ the robot at the end    ◌ goal    ★ lamp\ngrey: walls" in texts(drawn[0])
-
-
-@pytest.mark.parametrize(
-    ("name", "title"),
-    [
-        ("GA", "GA alone"),
-        ("Hebbian", "GA with Hebbian plasticity"),
-        ("anti-Hebbian", "GA with anti-Hebbian plasticity"),
-        ("shuffled signs", "GA with Hebbian plasticity, shuffled signs"),
-        ("late", "GA with “late”"),
-    ],
-)
-def test_titles_of_controllers(name, title):
-    assert figures.controller_title(name) == title
 
 
 @pytest.mark.parametrize(
@@ -235,11 +206,3 @@ def test_a_figure_for_a_paper_has_its_width_and_letters_that_can_be_read():
     with Image.open(io.BytesIO(image(figure, width_mm=180.0))) as picture:
         assert math.isclose(picture.width / picture.info["dpi"][0], 180 / 25.4, abs_tol=0.01)
     assert min(text.get_fontsize() for text in figure.findobj(matplotlib.text.Text) if text.get_text()) >= 6
-
-
-def test_a_learning_curve_above_one_is_drawn_whole(drawn):
-    history = pd.DataFrame({"best_fitness": [0.4, 1.05], "mean_fitness": [0.2, 0.6]})
-    charts.learning_curves({"reversal": [history]})
-    charts.learning_curves({"light": [history / 2]})
-    assert drawn[0].axes[0].get_ylim()[1] > 1.05
-    assert drawn[1].axes[0].get_ylim() == (0, 1)

@@ -405,18 +405,6 @@ def test_it_ends_when_nobody_has_watched_for_long(monkeypatch):
         wait_for(lambda: not waiting.is_alive())
 
 
-def test_a_planned_change_comes_in_its_time_and_is_told():
-    with Play(["scenario.changes=[{at_s: 1.6, light: 1.0}]"], "left", port=0) as live, Watcher(live) as watcher:
-        do(live, do="speed", value=10.0)
-        told = []
-        while live.engine.world.steps < 60 or not told or told[-1]["world"]["light"] != 1.0:
-            kind, content = watcher.frame()
-            told += [json.loads(content)] if kind == page.WORLD else []
-        do(live, do="change", values={"rate": 3.0})
-        wait_for(lambda: live.engine.world.changes)
-        assert live.engine.world.scenario.light == 1.0
-
-
 def test_from_python(here):
     live = epuckhebb.play("reference", "hebbian.N=0.0005", scenario="4obstacles", side="right")
     try:

@@ -37,7 +37,7 @@ def run_command(
         raise ConfigError("--cfg shows the configuration of one job: leave out --multirun, and give each key one value")
     flags = [*(["--multirun"] if multirun else []), *(["--cfg", options.cfg] if options.cfg else [])]
     check_config_dir(config_dir)
-    check_words(command, words, config_dir, several=multirun)
+    check_words(command, words, several=multirun)
     if not options.cfg:
         hydra.check(command, words, config_dir, prepare, multirun=multirun)
     early, errors = reports and not (multirun or options.quiet or options.as_json), list[Exception]()
@@ -75,11 +75,25 @@ def print_runs(command: str, runs: list[Path], output: Output, *, reported: bool
 def run_study(planned: "Planned", output: Output, *, dry_run: bool = False, fail_fast: bool = False) -> None:
     """Run a study and print its results; with `dry_run` list its jobs."""
     from epuckhebb.cli import results, show
+    from epuckhebb.studies.jobs import todo
     from epuckhebb.studies.study import conduct
+    from epuckhebb.studies.sweep import Sweep
 
     folder = planned.folder
     if dry_run:
-        jobs = _listed(planned)
+        missing = {job.run for job in todo(folder, planned.jobs)}
+        listed = [
+            {
+                "run": job.run,
+                "done": job.run not in missing,
+                "overrides": job.overrides,
+                "what": job.purpose or " ".join(job.overrides),
+            }
+            for job in planned.jobs
+        ]
+        jobs: dict[str, Any] = {"command": planned.study.command, "folder": str(folder), "jobs": listed}
+        if isinstance(planned.study, Sweep):
+            jobs["cpu_s"] = sum(planned.study.cpu_s[run] for run in missing)
         output.print(lambda: jobs, lambda console: results.print_jobs(jobs, console))
         return
     outcome = conduct(planned, fail_fast=fail_fast)
@@ -87,24 +101,3 @@ def run_study(planned: "Planned", output: Output, *, dry_run: bool = False, fail
     output.print(lambda: show.as_json(folder) | facts, lambda console: results.print_results(folder, console))
     if outcome.failures:
         raise JobFailedError(planned.failure(outcome))
-
-
-def _listed(planned: "Planned") -> dict[str, Any]:
-    """The jobs of a study that is not run, as JSON values, and about how long those to do take, if that is known."""
-    from epuckhebb.studies.jobs import todo
-    from epuckhebb.studies.sweep import Sweep
-
-    study, missing = planned.study, {job.run for job in todo(planned.folder, planned.jobs)}
-    listed = [
-        {
-            "run": job.run,
-            "done": job.run not in missing,
-            "overrides": job.overrides,
-            "what": job.purpose or " ".join(job.overrides),
-        }
-        for job in planned.jobs
-    ]
-    plan: dict[str, Any] = {"command": study.command, "folder": str(planned.folder), "jobs": listed}
-    if isinstance(study, Sweep):
-        plan["cpu_s"] = sum(study.cpu_s[run] for run in missing)
-    return plan

@@ -2,7 +2,6 @@
 
 import re
 import shlex
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,6 @@ from epuckhebb.tmaze.scenario import EXPERIMENTS
 _LATEST = 10  # runs that are listed when none is named
 _NEEDED = re.compile(r"(hebbian|network|physics|robot)[.=]")  # settings without which a champion is not what it was
 _CHANGED = {"light": "lowlight", "obstacles": "4obstacles"}  # a changed world of each experiment
-_MANY = 6  # files of a folder that are counted and not named
 
 
 def print_finished(finished: list[Path], console: Console, *, reported: bool = False) -> None:
@@ -153,7 +151,6 @@ def _print_run(path: Path, console: Console) -> None:
         again["started"] + (f" after {again['generations']}" if "generations" in again else "")
         for again in run.get("resumed", [])
     ]
-    lost = Run(path).lost
     own_code = [pair for own in run.get("own_code", {}).values() for pair in own["sha256"].items()]
     facts = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     facts.add_column(style="bold")
@@ -167,29 +164,12 @@ def _print_run(path: Path, console: Console) -> None:
         "Program": f"epuckhebb {code['version']}{commit}; packages and machine: provenance.json",
         "Own code": ", ".join(f"{file} (SHA-256 {sha256})" for file, sha256 in own_code),
         "Genome": f"{run['genome']} (SHA-256 {run['genome_sha256']})" if "genome" in run else "",
-        "Files": ", ".join(_files(path)),
-        "Lost": ", ".join(lost) if len(lost) < _MANY else f"{len(lost)} files",
+        "Files": ", ".join(sorted(f"{entry.name}/" if entry.is_dir() else entry.name for entry in path.iterdir())),
+        "Lost": ", ".join(Run(path).lost),
     }.items():
         if value:
             facts.add_row(name, Text(value))
     console.print(facts)
-
-
-def _files(path: Path) -> Iterator[str]:
-    """The files of a folder; of the runs and the many files that are parts of a study only how many there are."""
-    inside = 0
-    for entry in sorted(path.iterdir()):
-        names = sorted(str(file.relative_to(path)) for file in entry.rglob("*") if file.is_file())
-        if entry.is_file():
-            yield entry.name
-        elif (entry / "status.json").is_file():
-            inside += 1
-        elif len(names) < _MANY:
-            yield from names
-        else:
-            yield f"{entry.name}/ ({len(names)} files)"
-    if inside:
-        yield f"{inside} runs"
 
 
 def genomes_named(what: str) -> list[tuple[Genome, str]]:
