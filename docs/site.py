@@ -2,7 +2,7 @@
 
 The front page is README.md. Pictures from outside of this folder come along. Other links that leave it become the
 text of the link and the path of the file in the repository, or the line. The page of files ends with tables of all
-columns.
+columns, the page of keys with the files of `conf/`.
 """
 
 import re
@@ -13,6 +13,8 @@ from typing import Any
 import yaml
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
+
+from epuckhebb.cli.keys import keys_text, known
 
 ROOT = Path(__file__).parents[1]
 LINK = re.compile(r"(?P<text>\[[^]]*\])\((?P<target>[^)#]+)(?P<place>#[^)]*)?\)")
@@ -60,6 +62,8 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     """Lead links that leave the pages to the pictures that came along; of other files give the path."""
     if page.file.src_uri == "files.md":
         markdown += columns_of_files()
+    if page.file.src_uri == "keys.md":
+        markdown += "".join(f"\n## {name}\n\n```yaml\n{keys_text(name)}```\n" for name in known())
     inside = Path(__file__).parent
     folder = ROOT if page.file.src_uri == "index.md" else inside
 

@@ -3,6 +3,7 @@
 import re
 import shutil
 from contextlib import chdir
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,8 @@ import yaml
 from typer.testing import CliRunner
 
 from epuckhebb.cli.commands import app
+from epuckhebb.config import EvaluateConfig, load
+from epuckhebb.runtime import conf
 from epuckhebb.runtime.errors import USAGE
 
 COLUMNS = Path(__file__).parents[1] / "epuckhebb" / "store" / "columns.yaml"
@@ -86,3 +89,21 @@ def first_of(cases, ordinary=1):
     first, others = list(cases)[:ordinary], list(cases)[ordinary:]
     values = [case if isinstance(case, tuple) else (case,) for case in others]
     return [*first, *(pytest.param(*case, marks=pytest.mark.thorough) for case in values)]
+
+
+@cache
+def world_named(name):
+    """A world by the name that tables have: of its scenario, and of its changes."""
+
+    def changes_in(rest, names=()):
+        if not rest:
+            return names
+        starts = (change for change in conf.table("change") if f"{rest}_".startswith(f"_{change}_"))
+        found = (changes_in(rest[len(change) + 1 :], (*names, change)) for change in sorted(starts, key=len))
+        return next((one for one in found if one is not None), None)
+
+    for scenario in conf.table("scenario"):
+        changes = changes_in(name.removeprefix(scenario)) if f"{name}_".startswith(f"{scenario}_") else None
+        if changes is not None:
+            return load(EvaluateConfig, [f"scenario={scenario}", f"change={list(changes)}", "hebbian=none"]).world
+    raise ValueError(name)

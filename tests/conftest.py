@@ -12,7 +12,6 @@ import pytest
 import reference
 from omegaconf import OmegaConf
 
-from epuckhebb.config import hydra_cache
 from epuckhebb.config.parts_from_yaml import robot_from
 from epuckhebb.controller.network import PAPER_NETWORK, Network, by_layer
 from epuckhebb.controller.plasticity.rules.paper import Paper
@@ -31,7 +30,6 @@ def pytest_configure():
     signal.signal(signal.SIGINT, signal.default_int_handler)
     if hasattr(signal, "SIGHUP"):
         signal.signal(signal.SIGHUP, signal.SIG_DFL)
-    hydra_cache._MOST_KEPT = 2_000  # the tests compose more than a user does, and the same in their next run
 
 
 def pytest_collection_finish():

@@ -1,4 +1,4 @@
-"""Every key and every column has a description."""
+"""The verb `keys`, and the descriptions of columns."""
 
 from fnmatch import fnmatch
 from pathlib import Path
@@ -11,15 +11,9 @@ from cases import COLUMNS, described_columns, done, refused
 
 from epuckhebb.analysis import evaluate, findings, reversal, summary
 from epuckhebb.analysis.evaluate import Traces
-from epuckhebb.cli.keys import sections
-from epuckhebb.config import keys
-from epuckhebb.config.compose import composed
-from epuckhebb.config.compose import plain as plain_values
-from epuckhebb.config.words import keys_below
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.wirings.elman import Elman
 from epuckhebb.evolution.evolve import Generation, history_row
-from epuckhebb.runtime.conf import groups
 from epuckhebb.store.disk import arrays_of
 from epuckhebb.store.genome import champion_file, load_genome
 from epuckhebb.store.traces import traces_file
@@ -29,33 +23,11 @@ from epuckhebb.tmaze.samples import empty_samples
 REFERENCE = Path(__file__).parents[1] / "runs" / "reference"
 
 
-@pytest.mark.parametrize("command", ["evaluate", "evolve", "reproduce", "leaderboard", "flock"])
-def test_every_key_is_told(command):
-    told = {key.name: key.description for group in keys.all_groups() for _, own in sections(group) for key in own}
-    assert [name for name, meaning in told.items() if not meaning] == []
-    assert [name for group in keys.all_groups() for name, meaning in group.choices.items() if not meaning] == []
-    names = {f"{group}.name" for group in groups(command)}  # of files, which the program fills in
-    whole = ("maze.", "robot.")  # their first keys are told, and not what a maze names below them
-    for name in set(keys_below(plain_values(composed(command, [])))) - names:
-        parent = ".".join(name.split(".")[: 2 if name.startswith(whole) else None])
-        assert parent in told or any(other.startswith(f"{parent}.") for other in told) or parent in groups(command), (
-            name
-        )
-
-
-@pytest.mark.parametrize("words", [[], ["scenario"], ["evolve"]])
-def test_the_verb_prints_keys(words, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "80")
-    result = done("keys", *words)
-    assert ("scenario.light" in result.stdout) == (words != ["evolve"])
-    assert max(map(len, result.stdout.splitlines())) <= 80
-
-
-def test_a_key_alone_is_printed_too():
-    alone = keys.group_named("scenario.light")
-    assert [key.name for key in alone.keys] == ["scenario.light"]
-    assert not alone.choices
-    assert [key.name for key in keys.group_named("repeats").keys] == ["repeats"]
+def test_the_verb_prints_the_commented_files():
+    assert "repeats: 10" in done("keys").stdout
+    assert "sun_turn_deg: 0.0           # how far" in done("keys", "scenario").stdout
+    assert done("keys", "scenario.sun_turn_deg").stdout.startswith("sun_turn_deg: 0.0           # how far")
+    assert "change_signal: none" in done("keys", "adaptation").stdout
 
 
 def test_an_unknown_group_is_refused():

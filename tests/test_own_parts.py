@@ -210,6 +210,8 @@ COMPILED = {  # it takes a kernel to find these; the first is among the ordinary
                     "fitness", "infinite or nan"),
     "fires for ever": (part("wiring", method="neuron = staticmethod(lambda drive: drive + 1.0 / 0.0)"), "wiring",
                        "infinite or nan"),
+    "has no such state": (part("fitness", method="step = staticmethod(lambda state: state.mor)"), "fitness",
+                          "`state` has no 'mor'"),
     "has no such setting": (part("rule", method="synapse = staticmethod(lambda pre, by: pre * by.mor)"), "rule", "mor"),
 }  # fmt: skip
 
@@ -464,7 +466,7 @@ def test_the_champion_and_the_run_hold_what_they_are_of(runs):
     assert np.load(runs / "evaluated" / "traces.npz")["activations"].shape[2] == 7
     rows = Run(runs / "evaluated").table("metrics.csv")
     (changed,) = set(rows.changed)
-    for text in ("fitness=Explorer", "fitness.goal=2", "network.wiring=Ring", "network.hidden=5"):
+    for text in ("fitness.function=Explorer", "fitness.goal=2", "network.wiring=Ring", "network.hidden=5"):
         assert text in changed
     plastic = rows[rows.controller == "away"]
     assert set(plastic.N) == {0.0001}

@@ -314,6 +314,8 @@ def test_the_python_of_the_parts_page_runs(checkout, monkeypatch):
         ("own_rule/my_rules", ("docs/parts.md", "README.md")),
         ("own_fitness/my_fitness", ("docs/parts.md",)),
         ("own_sensor/my_sensors", ("docs/parts.md",)),
+        ("own_signal/my_signals", ("docs/parts.md",)),
+        ("own_task/my_task", ("docs/parts.md",)),
         ("own_optimizer/my_optimizer", ("docs/parts.md",)),
         ("own_controller/my_neurons", ("docs/parts.md",)),
     ],

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from cases import call, contents, first_of, refused
 
-from epuckhebb.config.words import explain
+from epuckhebb.config.errors import explain
 from epuckhebb.store.genome import champion_file, load_genome
 
 RULE = """from dataclasses import dataclass
@@ -39,25 +39,25 @@ FILES = {
 OJA = "hebbian.rule=my_rules.py:oja hebbian.N=0.0001"
 REFUSED = f"""
 # a reference to a key that is none
-evaluate scenario.name=${{x.y}}                           | no key x.y | ${{x.y}}
-evaluate -m seed=1,2 scenario.light=${{x}}                | scenario.light | no key x
-sweep obstacles ++hebbian.carries_history=${{x}} scenario=base | hebbian.carries_history | no key x
+evaluate scenario.name=${{x.y}}                           | scenario.name | x.y
+evaluate -m seed=1,2 scenario.light=${{x}}                | scenario.light | x
+sweep obstacles ++hebbian.carries_history=${{x}} scenario=base | hebbian.carries_history | x
 # keys and choices that are none: the near one
 evaluate scenrio=base                                   | scenrio | scenario
 evaluate scenario=5obstacles                            | 5obstacles | 4obstacles
-evaluate scenario=murky                                 | lowlight | --config-dir
+evaluate scenario=murky                                 | scenario/murky | lowlight
 evaluate hebian.N=0.002                                 | hebbian.N
 evaluate +hebian.N=0.9                                  | hebbian
 evaluate +hebbian.trace_decya=1                         | trace_decay
-evaluate N=0.1                                          | hebbian.N
-evaluate rule=oja                                       | hebbian=oja
-evaluate network=ctrnn                                  | network.wiring=ctrnn
-evaluate compare=late                                   | compare=[late]
-evaluate adaptation=[late,best]                         | adaptation=[late,best] | -m adaptation=late,best
+evaluate N=0.1                                          | key N
+evaluate rule=oja                                       | key rule
+evaluate network=ctrnn                                  | network=ctrnn
+evaluate compare=late                                   | compare=late
+evaluate adaptation=[late,novelty]                      | adaptation | novelty
 evaluate change.a={{physics:od}}                          | change.a.physics | pymunk
 evaluate genome=best                                    | genome=best | latest
 evaluate compare=[1]                                    | compare
-evaluate compare.a={{adaptation:latte}}                 | compare.a.adaptation | late_steady
+evaluate compare.a={{adaptation:latte}}                 | compare.a | latte | late_steady
 evaluate +compare.a={{M:1}}                             | compare.a | M
 evaluate hebbian=oja hebbian.trace_decay=1              | hebbian.trace_decay | oja
 evolve training.lihgt=1                                 | training.lihgt | training.light
@@ -66,19 +66,19 @@ evolve task=reversal task.trails=3                      | task.trails
 evolve optimizer=sep_cma_es optimizer.elites=2          | optimizer.elites
 reproduce sound                                         | sound | light, obstacles, all
 sweep nope                                              | nope | n_sweep
-sweep light scenario=nope                               | scenario=nope | 4obstacles
+sweep light scenario=nope                               | scenario/nope | 4obstacles
 keys hebian                                             | hebbian
 # keys of another verb, and what does nothing
-evaluate training.light=1                               | training.light | epuckhebb evolve
-evolve adaptation=late                                  | epuckhebb evaluate genome=latest adaptation=
-evolve repeats=5                                        | epuckhebb evaluate
+evaluate training.light=1                               | training.light
+evolve adaptation=late                                  | adaptation
+evolve repeats=5                                        | repeats
 evaluate changed=mine                                   | changed
 evaluate hebbian=none hebbian.N=0.01                    | hebbian.N
 evaluate adaptation.threshold=2                         | adaptation.threshold | late
 evaluate adaptation.motor_noise=2                       | adaptation.motor_noise
 evaluate adaptation=late_steady adaptation.rest_s=1     | adaptation.active_s above 0
 evaluate compare.a={{adaptation:{{threshold:1}}}}       | compare.a | threshold
-evolve optimizer=sep_cma_es ga.population=20            | optimizer=ga
+evolve optimizer=sep_cma_es ga.population=20            | ga.population
 evolve optimizer=sep_cma_es ga=as_coded                 | optimizer.population
 evolve optimizer.algorithm=sep_cma_es                   | optimizer=ga
 evolve optimizer.population=20                          | optimizer.population
@@ -96,9 +96,9 @@ evaluate scenario.obstacles=2.5                         | scenario.obstacles | 2
 evaluate repeats=0                                      | repeats
 evaluate seed=null                                      | seed
 evaluate hebbian.signal=joy                             | joy | light_code
-evaluate hebbian=null                                   | hebbian=null | paper
+evaluate hebbian=null                                   | hebbian=null
 evaluate lifetime=null                                  | lifetime=null
-evaluate ~hebbian=inf                                   | ~hebbian=inf | abcd
+evaluate ~hebbian=inf                                   | ~hebbian=inf
 evaluate -q --cfg=job ~scenario=1.5                     | ~scenario=1.5
 evaluate hebbian.N                                      | hebbian.N | KEY=VALUE
 evaluate hebbian.N=0,0.002 scenario=base,4obstacles     | --multirun
@@ -174,11 +174,11 @@ evaluate --config-dir=nowhere                           | --config-dir=nowhere
 evaluate -m seed=1,2 --config-dir=nowhere               | --config-dir=nowhere
 sweep obstacles --config-dir=nowhere                    | --config-dir=nowhere
 # files of the user's: settings
-evaluate scenario=misspelt --config-dir=conf            | scenario/misspelt.yaml | scenario.light
-evaluate scenario=in_words --config-dir=conf            | scenario/in_words.yaml | scenario.light
-evaluate scenario=from_none --config-dir=conf           | from_none.yaml | 2obstacles
-evaluate scenario=too_deep --config-dir=conf            | scenario/too_deep.yaml | scenario:
-sweep no_package --config-dir=conf                      | experiment/no_package.yaml | # @package _global_
+evaluate scenario=misspelt --config-dir=conf            | scenario/misspelt | ligth
+evaluate scenario=in_words --config-dir=conf            | scenario/in_words | scenario.light
+evaluate scenario=from_none --config-dir=conf           | scenario/from_none | 2obstacle
+evaluate scenario=too_deep --config-dir=conf            | scenario/too_deep | scenario.scenario
+sweep no_package --config-dir=conf                      | experiment/no_package | experiment
 sweep alone --config-dir=conf                           | alone | evaluate
 # files of the user's: rules
 evaluate hebbian.rule=nowhere.py:oja                    | hebbian.rule | nowhere.py
@@ -252,7 +252,7 @@ def test_an_error_that_is_its_own_cause_is_told_once():
     """As OmegaConf makes them under a debugger, or with OC_CAUSE=1."""
     error, cause = ValueError("outer"), KeyError("inner")
     error.__cause__, cause.__cause__ = cause, cause
-    assert explain(error) == "outer\n'inner'"
+    assert explain(error) == "outer 'inner'"
 
 
 def test_an_error_without_words_is_told_by_its_cause_or_its_kind():

@@ -17,9 +17,9 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config import compose
+from epuckhebb.config.errors import explain
 from epuckhebb.config.schema import EvaluateConfig
 from epuckhebb.config.stored import as_config, value_as_declared
-from epuckhebb.config.words import explain
 from epuckhebb.runs import evaluate as runs_evaluate
 from epuckhebb.runs import hydra
 from epuckhebb.runtime.conf import groups
@@ -207,9 +207,9 @@ def test_a_launcher_gets_so_many_jobs_at_a_time_and_all_of_them_though_one_faile
     monkeypatch.setattr(study_jobs, "AT_ONCE", 2)
     call_many, counts = hydra.call_many, []
 
-    def counted(command, do, arguments, stamp):
+    def counted(command, do, arguments):
         counts.append(arguments[0].count(",") + 1)
-        call_many(command, do, arguments, stamp)
+        call_many(command, do, arguments)
 
     monkeypatch.setattr(hydra, "call_many", counted)
     result = call("sweep", "obstacles", "scenario=base,4obstacles,2obstacles", *FAST, "hydra/launcher=basic")

@@ -37,7 +37,7 @@ def run_command(
         raise ConfigError("--cfg shows the configuration of one job: leave out --multirun, and give each key one value")
     flags = [*(["--multirun"] if multirun else []), *(["--cfg", options.cfg] if options.cfg else [])]
     check_config_dir(config_dir)
-    check_words(command, words, config_dir, several=multirun)
+    check_words(command, words, several=multirun)
     if not options.cfg:
         hydra.check(command, words, config_dir, prepare, multirun=multirun)
     early, errors = reports and not (multirun or options.quiet or options.as_json), list[Exception]()

@@ -12,7 +12,7 @@ import typer
 from epuckhebb import __version__
 from epuckhebb.cli import completion
 from epuckhebb.cli.call import print_runs, run_command, run_study
-from epuckhebb.cli.console import Terminal, print_line
+from epuckhebb.cli.console import print_line
 from epuckhebb.cli.options import (
     Command,
     ConfigDir,
@@ -265,12 +265,9 @@ def keys(
     ] = None,
 ) -> None:
     """Every key, its default, what it is, and choices of groups."""
-    from epuckhebb.cli.keys import print_groups
-    from epuckhebb.config import all_groups, group_named
-    from epuckhebb.studies.study import load_studies
+    from epuckhebb.cli.keys import keys_text
 
-    load_studies()
-    print_groups([group_named(group)] if group else all_groups(), Terminal())
+    typer.echo(keys_text(group))
 
 
 @app.command(cls=Command)

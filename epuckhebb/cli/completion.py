@@ -6,7 +6,8 @@ import shlex
 from collections.abc import Iterator
 from pathlib import Path
 
-from epuckhebb.runtime import LATEST, conf, data_folder
+from epuckhebb.cli.keys import known
+from epuckhebb.runtime import LATEST, conf
 
 _METHODS = "methods"  # the key of a leaderboard that names choices of the group method, one or more
 _LIST = re.compile(r"\[(.*,)?")  # what stands before the last of several names
@@ -21,8 +22,6 @@ def complete_override(command: str, incomplete: str) -> list[str]:
     before = _LIST.match(value) if key in ("change", _METHODS) else None
     names = before[0] if before else ""
     choices = _choices(command, key)
-    if key == "scenario" and "_" in value:  # of a scenario with changes
-        choices = [f"{one}_{change}" for one in choices for change in conf.groups(command)["change"]]
     found = [f"{key}={names}{one}" for one in choices if one.startswith(value.removeprefix(names))]
     return [offer.partition("=")[2] for offer in found] if only_value else found
 
@@ -44,9 +43,7 @@ def complete_shown(incomplete: str) -> list[str]:
 
 def complete_group(incomplete: str) -> list[str]:
     """Completions of a group of keys; a command stands for its own ones."""
-    commands = ("evaluate", "evolve", "reproduce", "leaderboard", "flock")
-    known = [*commands, *(name for command in commands for name in conf.groups(command) if name != "experiment")]
-    return [name for name in dict.fromkeys(known) if name.startswith(incomplete)]
+    return [name for name in known() if name.startswith(incomplete)]
 
 
 def _typed(incomplete: str) -> tuple[str, bool]:
@@ -88,7 +85,7 @@ def _choices(command: str, key: str) -> list[str]:
 def _values(command: str, key: str) -> list[str]:
     """All values that a key may have, where the comment beside it ends with a list of them; none of other keys."""
     group, _, name = key.rpartition(".")
-    files = sorted((data_folder("conf") / group).glob("*.yaml")) if group else [conf.command_file(command)]
+    files = conf.files(group) if group else [conf.command_file(command)]
     beside = re.compile(rf"^ *{re.escape(name)}: *(\w+) +# (.*)$", re.MULTILINE)
     for default, comment in (found for file in files for found in beside.findall(file.read_text(encoding="utf-8"))):
         listed = re.sub(r" \(.*?\)", "", comment).rpartition(": ")[2].split(", ")

@@ -1,37 +1,42 @@
-"""`epuckhebb keys`: every group of settings, its choices and its keys.
+"""`epuckhebb keys`: every key and its default, as the commented files of `conf/` have them."""
 
-What they mean stands beside them, in the comments of the files of `conf/`; of what kind they are, the schema says.
-There is no other list of keys: `docs/keys.md` is made of this one.
-"""
+import re
+from collections.abc import Iterator
+from pathlib import Path
 
-from collections.abc import Iterator, Sequence
+from epuckhebb.runtime import ConfigError, conf, data_folder, did_you_mean
 
-from rich.console import Console
-from rich.text import Text
-
-from epuckhebb.cli.console import print_table
-from epuckhebb.config import Group, Key
+COMMANDS = ("evaluate", "evolve", "reproduce", "leaderboard", "flock")
 
 
-def print_groups(wanted: Sequence[Group], console: Console) -> None:
-    """Print groups: their choices, then their keys."""
-    for group in wanted:
-        console.print(Text(title(group), style="bold"))
-        if group.choices:
-            print_table(console, "", ("choice", "what it is"), group.choices.items(), text=2)
-        for before, keys in sections(group):
-            rows = ((key.name, key.default, key.description) for key in keys)
-            print_table(console, before, ("key", "default", "what it is"), rows, text=3)
+def known() -> dict[str, list[Path]]:
+    """The files with the keys of each command and each group."""
+    files = {command: [conf.command_file(command)] for command in COMMANDS}
+    for group in (group for command in COMMANDS for group in conf.groups(command) if group != "experiment"):
+        own = files.setdefault(group, [])
+        own += [file for file in conf.files(group) if file not in own]
+    return files
 
 
-def title(group: Group) -> str:
-    """The heading of a group."""
-    return f"Group {group.name}" if group.of else f"Keys of epuckhebb {group.name}"
+def keys_text(name: str | None) -> str:
+    """The files of a command or a group, or the lines of a key in them; without a name, those of the commands."""
+    files = known()
+    if name is None:
+        groups = ", ".join(group for group in files if group not in COMMANDS)
+        return "\n".join([*_texts([files[command][0] for command in COMMANDS]), f"# epuckhebb keys GROUP: {groups}"])
+    if name in files:
+        return "\n".join(_texts(files[name]))
+    group, _, key = name.rpartition(".")
+    line = re.compile(rf"^ *{re.escape(key)}: .*(?:\n +#.*)*", re.MULTILINE)
+    places = files.get(group.partition(".")[0], []) if group else [conf.command_file(command) for command in COMMANDS]
+    lines = [found for file in places for found in line.findall(file.read_text(encoding="utf-8"))]
+    if not lines:
+        raise ConfigError(f"keys {name}: the group must be one of {', '.join(files)}{did_you_mean(name, files)}")
+    return "\n".join(dict.fromkeys(map(str.strip, lines)))
 
 
-def sections(group: Group) -> Iterator[tuple[str, list[Key]]]:
-    """The keys of a group with what is to be said before: those of its usual choice, and those of others only."""
-    if group.keys:
-        yield f"Defaults are those of {group.name}={group.of}." if group.of else "", group.keys
-    for choice, keys in group.more.items():
-        yield f"Only with {group.name}={choice}:", keys
+def _texts(files: list[Path]) -> Iterator[str]:
+    """The content of files, each below its name."""
+    for file in files:
+        name = file.relative_to(data_folder("conf")).as_posix()
+        yield f"# conf/{name}\n{file.read_text(encoding='utf-8')}"

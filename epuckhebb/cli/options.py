@@ -43,7 +43,7 @@ class ConfiguredCommand(Command):
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:
         """Write the names below the options."""
-        groups = conf.groups(str(ctx.info_name))
+        groups = dict(conf.groups(str(ctx.info_name)))
         sweeps = groups.pop("experiment", [])
         if ctx.info_name == "sweep":
             with formatter.section("Names, beside those of your own"):

@@ -1,7 +1,7 @@
 """Settings: the schema, composing with Hydra, overrides, names, and the parts of the science made from them.
 
 It knows the science and no run folders. Others import the names below; `load` comes first. `runs/hydra.py`, the other
-file that knows Hydra, imports `compose` and `hydra_cache` too. What cannot be used raises a ValueError, mostly
+file that knows Hydra, imports `catalogue`, `compose` and `resolve` too. What cannot be used raises a ValueError, mostly
 `ConfigError`: it names the key, what was given and what is allowed.
 """
 
@@ -14,13 +14,13 @@ from epuckhebb.config.build import (
     network_for,
     with_controls,
 )
-from epuckhebb.config.compose import combinations, load, swept_values
-from epuckhebb.config.keys import Group, Key, all_groups, group_named
-from epuckhebb.config.names import brings_physics, training_world, usual_physics, world_of
+from epuckhebb.config.compose import combinations, configurations, load, swept_values
+from epuckhebb.config.errors import explain
 from epuckhebb.config.overrides import (
     SWEEP_DIR,
     alternatives,
     check_config_dir,
+    check_words,
     overrides_of,
     quoted,
     typed_as,
@@ -38,6 +38,7 @@ from epuckhebb.config.plugins import (
     own_references,
     own_sources,
 )
+from epuckhebb.config.resolve import brings_physics, training_world, usual_physics, world_name
 from epuckhebb.config.schema import (
     SCHEMAS,
     Checked,
@@ -48,8 +49,8 @@ from epuckhebb.config.schema import (
     dump,
     register,
     say_unusual,
+    typed,
 )
 from epuckhebb.config.stored import from_values, without_own_code
 from epuckhebb.config.values import part_settings
-from epuckhebb.config.words import check_words, explain
 from epuckhebb.config.yaml_file import load as settings

@@ -1,9 +1,11 @@
 """Reads the overrides of a command line as Hydra does, and writes values, and the keywords of Python, as overrides."""
 
 import filecmp
+import functools
 import itertools
 import math
 import re
+import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
@@ -12,35 +14,77 @@ from typing import Any
 
 import numpy as np
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Override
+from hydra.core.override_parser.types import ChoiceSweep, Glob, Override, Sweep
 from hydra.errors import HydraException
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.adaptation.adaptation import NONE, Adaptation
+from epuckhebb.config.schema import OPEN, SCHEMAS
 from epuckhebb.controller.plasticity.rule import Rule
 from epuckhebb.controller.wiring import Wiring
 from epuckhebb.evolution.optimizer import Optimizer
-from epuckhebb.runtime import ConfigError, conf, data_folder, say
+from epuckhebb.runtime import ConfigError, conf, data_folder, did_you_mean, say
 from epuckhebb.tmaze.own_fitness import Fitness
 
 # Which key has the file of what is in one.
 _NAMED_BY = {Rule: "rule", Fitness: "function", Wiring: "wiring", Optimizer: "algorithm"}
 SWEEP_DIR = "hydra.sweep.dir="
 _PLAIN = re.compile(r"[A-Za-z0-9_./:%@+-]+")  # what needs no quotes as the value of an override
+_BELOW = tuple(f"{key}." for key in OPEN)  # the schema does not know what keys there are
 _MOST_JOBS = 100_000  # of one call
 
 
 def parsed(words: Iterable[str]) -> list[Override]:
     """Overrides as Hydra reads them."""
+    words = list(words)
+    for word in words:
+        if any("\ud800" <= sign <= "\udfff" for sign in word):
+            raise ConfigError(f"{word!r} is no text in the encoding of this system, {sys.getfilesystemencoding()}")
     try:
-        return list(OverridesParser.create().parse_overrides(list(words)))
+        return list(OverridesParser.create().parse_overrides(words))
     except HydraException as error:
         given = str(getattr(error, "override", error))
         raise ConfigError(
             f"{given} cannot be read; settings are written KEY=VALUE, without spaces, for example scenario=4obstacles"
             + (". A ~ needs quotes within quotes, for example \"genome='~/champion.npz'\"" if "~" in given else "")
         ) from error
+
+
+def check_words(command: str, words: Sequence[str], *, several: bool = False) -> None:
+    """Refuse keys that the schema does not know, and several values for a key unless there is a job for each."""
+    choices, known = conf.groups(command), known_keys(command)
+    for override in parsed(word for word in words if not word.startswith("-")):
+        key, line = override.key_or_group, str(override.input_line)
+        if key == "changed":
+            raise ConfigError("changed is filled in by the program, with what differs from the named scenario")
+        if override.is_sweep_override() and not several:
+            number = f". A number is written {line.replace(',', '.')}" if re.search(r"=\d+,\d+$", line) else ""
+            raise ConfigError(f"{line} has several values; to do a run with each of them, add -m (--multirun){number}")
+        value = override.value()
+        if isinstance(value, Glob) or (
+            isinstance(value, ChoiceSweep) and any(isinstance(one, Sweep | Glob) for one in value.list)
+        ):
+            raise ConfigError(f"{line}: ranges and patterns do not go into a list of values; give one range, or values")
+        if key not in known and key not in choices and not key.startswith(("hydra.", "hydra/", *_BELOW)):
+            like = did_you_mean(key, [*known, *dict(conf.keys_with_defaults(command))])
+            raise ConfigError(f"there is no key {key} of `epuckhebb {command}`{like}")
+
+
+@functools.cache
+def known_keys(command: str) -> frozenset[str]:
+    """All keys of a command that the schema knows, dotted."""
+    schema = OmegaConf.to_container(OmegaConf.structured(SCHEMAS[command]))
+    assert isinstance(schema, dict)
+    return frozenset(keys_below(schema))
+
+
+def keys_below(node: Mapping[Any, Any], prefix: str = "") -> Iterator[str]:
+    """All keys of plain settings, dotted; of a list, only its own."""
+    for key, value in node.items():
+        yield f"{prefix}{key}"
+        if isinstance(value, dict):
+            yield from keys_below(value, f"{prefix}{key}.")
 
 
 def values_of(words: Iterable[str]) -> dict[str, Any]:
@@ -102,7 +146,7 @@ def check_config_dir(config_dir: str | None) -> None:
     if not mine.is_dir():
         raise ConfigError(f"--config-dir={config_dir} is no folder; give one with files such as scenario/mine.yaml")
     both = [file.relative_to(ours) for file in sorted(ours.rglob("*.yaml"))]
-    both += [Path(group, f"{name}.yaml") for group in conf.TABLES for name in sorted(conf.rows(group))]
+    both += [Path(group, f"{name}.yaml") for group in conf.TABLES for name in sorted(conf.table(group))]
     there = (file for file in both if (mine / file).is_file())
     instead = [one for one in there if not (ours / one).is_file() or not filecmp.cmp(mine / one, ours / one, False)]
     if instead:

@@ -6,16 +6,16 @@ that a user can bring (a rule, a maze, a robot) are open here, and checked when 
 """
 
 import functools
-import re
 from dataclasses import MISSING, Field, dataclass, field, fields, make_dataclass
 from enum import Enum
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import InterpolationKeyError, OmegaConfBaseException
+from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.config import build
+from epuckhebb.config.errors import explain
 from epuckhebb.controller.wiring import LAYERS, Wiring
 from epuckhebb.evolution.evolve import evolved_plan
 from epuckhebb.evolution.optimizers.ga import GA
@@ -29,7 +29,6 @@ from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
 
 _BRIGHTEST, _FASTEST = 2.0, 0.1  # more light, or a higher base rate, is unusual
-_OF_A_RESOLVER = re.compile("^ConfigError raised while resolving interpolation: ")  # before a message of our own
 
 
 Plain = dict[str, Any]  # a configuration of plain values
@@ -54,7 +53,7 @@ def plain(cfg: DictConfig) -> Plain:
     try:
         values = OmegaConf.to_container(cfg, resolve=True, enum_to_str=True)
     except OmegaConfBaseException as error:
-        raise ConfigError(said(error)) from error
+        raise ConfigError(explain(error)) from error
     assert isinstance(values, dict)
     return {str(key): value for key, value in values.items()}
 
@@ -254,16 +253,7 @@ def typed(cfg: DictConfig, schema: type[Config]) -> Config:
     except ConfigError:
         raise
     except (ValueError, OmegaConfBaseException) as error:
-        raise ConfigError(said(error)) from error
+        raise ConfigError(explain(error)) from error
     assert isinstance(config, schema)
     config.composed = cfg
     return config
-
-
-def said(error: BaseException) -> str:
-    """The line of an error that says what is wrong: OmegaConf adds other lines."""
-    line = _OF_A_RESOLVER.sub("", next(iter(str(error).splitlines()), ""))
-    if isinstance(error, InterpolationKeyError):  # OmegaConf does not always know in which key it is
-        line = re.sub(r"^Interpolation key '(.+)' not found", r"there is no key \1, to which ${\1} refers", line)
-        return f"{error.full_key}: {line}" if error.full_key else line
-    return line

@@ -8,10 +8,10 @@ from typing import Any, cast
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from epuckhebb.config.errors import explain
 from epuckhebb.config.overrides import literal
 from epuckhebb.config.parts import KINDS, PAPER
 from epuckhebb.config.schema import SCHEMAS, Config, Plain, typed
-from epuckhebb.config.words import explain
 from epuckhebb.controller.wiring import LAYERS
 from epuckhebb.runtime import ConfigError
 from epuckhebb.tmaze.fitness import Signal

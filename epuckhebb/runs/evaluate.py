@@ -195,11 +195,9 @@ def prepare_evaluation(config: EvaluateConfig, genome: Genome | None = None) -> 
     return PreparedEvaluation(config=config, genome=genome)
 
 
-def evaluate_job(cfg: Any, report: Report | None = None) -> None:
-    """Do one job of Hydra's: evaluate into its folder. cfg: as Hydra composed it. report: as in `evaluate_into`."""
-    with hydra.job_of("evaluate", cfg) as job:
-        threads = hydra.threads_of_job(job.config.threads)
-        evaluate_into(job.path, job.config, job.overrides, job.facts, threads=threads, report=report)
+def evaluate_job(job: hydra.Job, report: Report | None = None) -> None:
+    """Evaluate into the folder of a job. report: as in `evaluate_into`."""
+    evaluate_into(job.path, job.config, job.overrides, job.facts, threads=job.threads, report=report)
 
 
 def training_world(config: EvaluateConfig, evolved_in: str = "") -> Scenario:
@@ -210,7 +208,7 @@ def training_world(config: EvaluateConfig, evolved_in: str = "") -> Scenario:
     physics = part_from("physics", config.physics, "physics")
     if physics.name != (evolved_in or PYMUNK.name):
         physics = usual_physics(evolved_in or PYMUNK.name)
-    return world_of_training(config.world.experiment, config.scenario.name, config.maze, config.robot, physics)
+    return world_of_training(config, config.world.experiment, physics)
 
 
 def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:

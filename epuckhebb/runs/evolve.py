@@ -57,14 +57,12 @@ from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
 RESUME = "resume="  # before the folder of an evolution
 
 
-def evolve_job(cfg: Any) -> None:
-    """Do one job of Hydra's: evolve into its folder. cfg: as Hydra composed it."""
-    with hydra.job_of("evolve", cfg) as job:
-        config = job.config
-        prepared = prepare_evolution(config)
-        prepared.compile()
-        run = new_evolution(job.path, config, job.overrides, job.facts)
-    evolve_into(run, prepared, None, threads=hydra.threads_of_job(config.threads), quiet=hydra.in_multirun())
+def evolve_job(job: hydra.Job) -> None:
+    """Evolve into the folder of a job."""
+    prepared = prepare_evolution(job.config)
+    prepared.compile()
+    run = new_evolution(job.path, job.config, job.overrides, job.facts)
+    evolve_into(run, prepared, None, threads=job.threads, quiet=job.in_multirun)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,24 +1,22 @@
-"""The call of Hydra: it composes each job's configuration, and gives the job its folder, overrides and threads."""
+"""Runs jobs on what Hydra composes: one in this process, many with the launchers and sweepers of Hydra."""
 
 import functools
 import os
 import re
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext, redirect_stderr, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from datetime import datetime
 from pathlib import Path
 from secrets import token_hex
-from typing import Any, NamedTuple, TextIO, cast
+from typing import Any, NamedTuple
 
 import hydra
-from hydra._internal.hydra import Hydra
-from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
 from hydra.plugins.sweeper import Sweeper
 from hydra.types import RunMode
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf, flag_override
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config import (
@@ -26,35 +24,50 @@ from epuckhebb.config import (
     SCHEMAS,
     SWEEP_DIR,
     alternatives,
+    configurations,
     explain,
-    load,
+    from_values,
     quoted,
     swept_values,
+    typed,
     value_of,
     with_names_compared,
+    world_name,
 )
-from epuckhebb.config.compose import IS_HYDRA_1_4, STAMP, VERSION_BASE, of_job, unresolved
-from epuckhebb.config.hydra_cache import USERS, users_first
+from epuckhebb.config.catalogue import IS_HYDRA_1_4, USERS, VERSION_BASE, catalogue, choices_of, register
+from epuckhebb.config.compose import composed_with_hydra
+from epuckhebb.config.resolve import resolve
 from epuckhebb.runtime import ConfigError, JobFailedError, data_folder, exit_with_parent, path_of, thread_count
 from epuckhebb.store import check_folder_of_multirun, of_multirun
 
 _SENSOR = re.compile(r"(sensor: *)([^\s,}:]+\.py)(?=:)")  # the file of a sensor of the user's own
 _CHECKED_IN_FULL = 20  # a longer list of values is checked at its two ends
-_HYDRAS_WORDS = "Error executing job with overrides"  # before what a job raised
+_RUN_DIR = "hydra.run.dir"
+_FULL_ERROR = "HYDRA_FULL_ERROR"  # environment variable: Hydra raises errors in place of printing them
 
 
 class Job(NamedTuple):
-    """A job of Hydra's: its folder, configuration and overrides, and the command line that does it alone."""
+    """A job: its folder, configuration and overrides, and the command line that does it alone.
+
+    threads: how many it may use. in_multirun: whether it is one of many.
+    """
 
     path: Path
     config: Any
     overrides: list[str]
     facts: dict[str, Any]
+    threads: int
+    in_multirun: bool
 
 
 def output_folder() -> Path:
     """The folder that Hydra has made for the job at work."""
-    return Path(unresolved(HydraConfig.get().runtime)["output_dir"])
+    return Path(_unresolved(HydraConfig.get().runtime)["output_dir"])
+
+
+def _unresolved(node: Any) -> Any:
+    """What Hydra notes, to the letter: a `${...}` in a folder's name refers to nothing."""
+    return OmegaConf.to_container(node, resolve=False)
 
 
 def check(
@@ -75,39 +88,84 @@ def check(
             )
         return
     choices = list(alternatives(overrides).values())
-    first = [values[0] for values in choices]
+    first = tuple(values[0] for values in choices)
     jobs = [first]
     for place, values in enumerate(choices):
         tried = values[1:] if len(values) <= _CHECKED_IN_FULL else values[-1:]
-        jobs += [[*first[:place], value, *first[place + 1 :]] for value in tried]
-    for job in jobs:
-        prepare(load(SCHEMAS[command], job, config_dir))
+        jobs += [(*first[:place], value, *first[place + 1 :]) for value in tried]
+    for _, settings in configurations(command, [], jobs, config_dir):
+        prepare(from_values(settings, SCHEMAS[command], command))
 
 
-def run(command: str, job: Callable[[Any], None], arguments: list[str], config_dir: str | None = None) -> list[Path]:
+def run(command: str, job: Callable[[Job], None], arguments: list[str], config_dir: str | None = None) -> list[Path]:
     """Run a job, or with `--multirun` many, on the configuration that overrides and Hydra's own options describe.
 
     Returns the folders of the runs, in the order of the jobs. config_dir: a folder with more configuration files.
     """
     arguments = [with_names_compared(_with_own_files_found(argument)) for argument in arguments]
-    stamp = new_stamp()
-    folders: list[Path] = []
-
-    @functools.wraps(job)
-    def noted(cfg: DictConfig) -> None:
-        job(cfg)
-        folders.append(output_folder())
-
+    if not any(argument.startswith("-") for argument in arguments):
+        return [_run_one(command, job, arguments, config_dir)]
+    task = functools.partial(_job_of_hydra, command, job)
     if "--multirun" not in arguments:
-        call(command, noted, arguments, stamp, config_dir)
-        return folders
+        call(command, task, arguments, config_dir)
+        return []
     given = [value_of(argument) for argument in arguments if argument.startswith(SWEEP_DIR)]
-    folder = Path(given[-1]) if given else Path("runs") / command / f"{stamp}_multirun"
+    folder = Path(given[-1]) if given else Path("runs") / command / f"{new_stamp()}_multirun"
     check_folder_of_multirun(folder)
-    if not given:  # in words, not as an environment variable: workers kept from an earlier call have the old one
-        arguments = [f"{SWEEP_DIR}{folder}", *arguments]
-    call(command, job, arguments, stamp, config_dir)
+    call(command, task, arguments if given else [f"{SWEEP_DIR}{folder}", *arguments], config_dir)
     return of_multirun(folder)
+
+
+def _run_one(command: str, job: Callable[[Job], None], overrides: list[str], config_dir: str | None) -> Path:
+    """Run one job in this process; its folder is named when its configuration is complete."""
+    for override in overrides:
+        if override.startswith(("hydra.", "hydra/")) and not override.startswith((f"{_RUN_DIR}=", "hydra.searchpath=")):
+            raise ConfigError(f"{override} does nothing in one run; give {_RUN_DIR}=FOLDER, or -m for many runs")
+    cfg, hydras, _ = composed_with_hydra(command, overrides, config_dir)
+    config = typed(cfg, SCHEMAS[command])
+    with flag_override(cfg, ["struct", "readonly"], [False, False]):
+        cfg.hydra = hydras
+        try:
+            path = Path(cfg.hydra.run.dir)
+        except OmegaConfBaseException as error:
+            raise ConfigError(explain(error)) from error
+        del cfg.hydra
+    own = overrides_of_task(overrides)
+    job(Job(path, config, own, _facts(command, own, config_dir), thread_count(config.threads), in_multirun=False))
+    return path
+
+
+def overrides_of_task(overrides: list[str]) -> list[str]:
+    """The overrides of settings, without those of Hydra."""
+    return [override for override in overrides if not override.lstrip("+~").startswith(("hydra.", "hydra/"))]
+
+
+def _facts(command: str, overrides: list[str], config_dir: str | None) -> dict[str, Any]:
+    """What `provenance.json` has of a job: the command line that does it alone."""
+    words = ["epuckhebb", command, *overrides]
+    if config_dir is not None:
+        folder = Path(config_dir).absolute()
+        words += ["--config-dir", str(folder.relative_to(Path.cwd()) if folder.is_relative_to(Path.cwd()) else folder)]
+    return {"command_line": words}
+
+
+def _job_of_hydra(command: str, job: Callable[[Job], None], cfg: DictConfig) -> None:
+    """Run a job of Hydra's, in the process that a launcher gives it; if it is refused, its empty folder is removed."""
+    path, runtime = output_folder(), HydraConfig.get().runtime
+    overrides, sources = _unresolved(HydraConfig.get().overrides.task), _unresolved(runtime)["config_sources"]
+    folder = next((source["path"] for source in sources if source["provider"] == USERS and source["path"]), None)
+    try:
+        resolve(command, cfg, choices_of(runtime), overrides, folder)
+        config: Any = typed(cfg, SCHEMAS[command])
+        facts, is_many = _facts(command, overrides, folder), HydraConfig.get().mode == RunMode.MULTIRUN
+        job(Job(path, config, overrides, facts, threads_of_job(config.threads), is_many))
+    except ConfigError:
+        with suppress(OSError):  # something is in it
+            for folder in (path, *path.parents):
+                if Path.cwd() not in folder.parents:
+                    break
+                folder.rmdir()
+        raise
 
 
 def _with_own_files_found(argument: str) -> str:
@@ -123,45 +181,30 @@ def _with_own_files_found(argument: str) -> str:
     return f"{key}={','.join(map(quoted, found))}"
 
 
-def call(
-    command: str, job: Callable[[Any], None], arguments: list[str], stamp: str, config_dir: str | None = None
-) -> None:
-    """Call Hydra as its own command line would; see `run`. The stamp is part of the names of folders."""
+def call(command: str, task: Callable[[Any], None], arguments: list[str], config_dir: str | None = None) -> None:
+    """Call Hydra as its own command line would; see `run`. task: is given each configuration that Hydra composed."""
     options: dict[str, Any] = {"execution_whitelist": ("epuckhebb.*",)} if IS_HYDRA_1_4 else VERSION_BASE
-    entry = hydra.main(config_path=str(data_folder("conf")), config_name=command, **options)(job)
-    words = cast(TextIO, _WithoutHydrasWords(sys.stderr))
+    entry = hydra.main(config_path=str(data_folder("conf")), config_name=command, **options)(task)
     workers = _workers_of_ours() if "--multirun" in arguments else nullcontext()
-    # Hydra composes all of a configuration to see whether hydra.mode is in it, and then once more.
-    known = nullcontext() if any("hydra.mode" in argument for argument in arguments) else _without(Hydra, "get_mode")
-    with users_first(config_dir), _as_command_line(command, arguments, stamp), redirect_stderr(words), workers, known:
-        GlobalHydra.instance().clear()
+    with catalogue(command, config_dir), _as_command_line(command, arguments), workers:
         try:
             entry()
-        except (HydraException, OmegaConfBaseException) as error:
-            raise ConfigError(explain(error)) from error
         except (ConfigError, JobFailedError):
             raise
         except Exception as error:
-            if "--multirun" in arguments:  # jobs wrap what goes wrong in them, so this is the launcher's
-                raise JobFailedError(f"the launcher stopped: {type(error).__name__}: {error}") from error
-            raise
+            if "--multirun" not in arguments or isinstance(error, HydraException | OmegaConfBaseException):
+                raise ConfigError(explain(error)) from error
+            raise JobFailedError(f"the launcher stopped: {type(error).__name__}: {error}") from error  # not a job
 
 
-def call_many(command: str, job: Callable[[Any], None], arguments: list[str], stamp: str) -> None:
+def call_many(command: str, task: Callable[[Any], None], arguments: list[str]) -> None:
     """Call Hydra for jobs that have their configurations already: it does not compose them before the first begins."""
-    with _without(Sweeper, "validate_batch_is_legal"):
-        call(command, job, arguments, stamp)
-
-
-@contextmanager
-def _without(owner: type, method: str) -> Iterator[None]:
-    """Replace a method of one of Hydra's classes by one that does nothing and returns None."""
-    before = getattr(owner, method)
-    setattr(owner, method, lambda *_, **__: None)
+    validate = Sweeper.validate_batch_is_legal
+    setattr(Sweeper, validate.__name__, lambda *_: None)
     try:
-        yield
+        call(command, task, arguments)
     finally:
-        setattr(owner, method, before)
+        setattr(Sweeper, validate.__name__, validate)
 
 
 def new_stamp() -> str:
@@ -169,39 +212,10 @@ def new_stamp() -> str:
     return f"{datetime.now():%Y%m%d-%H%M%S}-{token_hex(4)}"
 
 
-@contextmanager
-def job_of(command: str, cfg: DictConfig) -> Iterator[Job]:
-    """The job at work, checked, with all names in its settings; if it is refused, its folder is removed if it is empty.
-
-    cfg: as Hydra composed it; see `epuckhebb.config.names`.
-    """
-    path, runtime = output_folder(), HydraConfig.get().runtime
-    try:
-        config = of_job(command, cfg, runtime)
-        overrides = list(unresolved(HydraConfig.get().overrides.task))
-        words, sources = ["epuckhebb", command, *overrides], unresolved(runtime)["config_sources"]
-        found = next((Path(one["path"]) for one in sources if one["provider"] == USERS and one["path"]), None)
-        if found is not None:
-            words += ["--config-dir", str(found.relative_to(Path.cwd()) if found.is_relative_to(Path.cwd()) else found)]
-        yield Job(path, config, overrides, {"command_line": words})
-    except (ConfigError, OmegaConfBaseException):
-        with suppress(OSError):  # something is in it
-            for folder in (path, *path.parents):
-                if Path.cwd() not in folder.parents:
-                    break
-                folder.rmdir()
-        raise
-
-
-def in_multirun() -> bool:
-    """Whether this job is one of many."""
-    return bool(HydraConfig.get().mode == RunMode.MULTIRUN)
-
-
 def threads_of_job(threads: int) -> int:
     """The threads of this job, from its setting; under a parallel launcher one by default, and no more than fit."""
     launcher = HydraConfig.get().launcher
-    if not in_multirun() or launcher._target_.endswith("BasicLauncher"):
+    if HydraConfig.get().mode != RunMode.MULTIRUN or launcher._target_.endswith("BasicLauncher"):
         return thread_count(threads)
     if launcher._target_.endswith("JoblibLauncher"):
         cores = thread_count(0)
@@ -210,35 +224,20 @@ def threads_of_job(threads: int) -> int:
     return max(1, threads)
 
 
-class _WithoutHydrasWords:
-    """Standard error without what Hydra prints before it raises the error of a job, which we print once."""
-
-    def __init__(self, stream: TextIO) -> None:
-        self._stream = stream
-
-    def write(self, text: str) -> int:
-        return len(text) if text.startswith(_HYDRAS_WORDS) else self._stream.write(text)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._stream, name)
-
-
 @contextmanager
-def _as_command_line(command: str, arguments: list[str], stamp: str) -> Iterator[None]:
+def _as_command_line(command: str, arguments: list[str]) -> Iterator[None]:
     """Set what Hydra reads: the argument list, and that errors are raised, not printed."""
-    variables = {STAMP: stamp, "HYDRA_FULL_ERROR": "1"}
-    argv, environment = sys.argv, {name: os.environ.get(name) for name in variables}
+    argv, full_error = sys.argv, os.environ.get(_FULL_ERROR)
     sys.argv = [f"epuckhebb {command}", *arguments]
-    os.environ.update(variables)
+    os.environ[_FULL_ERROR] = "1"
     try:
         yield
     finally:
         sys.argv = argv
-        for name, value in environment.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+        if full_error is None:
+            del os.environ[_FULL_ERROR]
+        else:
+            os.environ[_FULL_ERROR] = full_error
 
 
 @contextmanager
@@ -263,3 +262,7 @@ def _begin(parent: int, folder: str) -> None:
     """
     os.chdir(folder)
     exit_with_parent(parent)
+
+
+register("epuckhebb.world", lambda *, _root_: world_name(_root_.scenario.name, _root_.changed), replace=True)
+register("epuckhebb.stamp", new_stamp, replace=True)

@@ -49,7 +49,7 @@ def _differences(genome: Genome, config: EvaluateConfig) -> Iterator[str]:
     """What differs between a champion's training and this evaluation: the experiment, the fitness, the physics."""
     world, fitness = config.world, genome.fitness_function or PAPER_FITNESS.name
     if genome.experiment and genome.experiment != world.experiment:
-        trained = training_world(genome.experiment, config.scenario.name, config.maze, config.robot, world.physics)
+        trained = training_world(config, genome.experiment, world.physics)
         before, now = _facts(trained), _facts(world)
         differ = [f"{name} {value} -> {now[name]}" for name, value in before.items() if now[name] != value]
         same = "" if "light" in " ".join(differ) else f"; the light, {now['light']}, is the same"

@@ -1,21 +1,35 @@
-"""Lists the groups of `conf/` and their choices. Completion and help need it, so it imports nothing heavy."""
+"""Lists the groups of `conf/` and their choices. Completion and help need it, so it imports nothing heavy.
+
+A choice is a file of the group's folder, or a row of the table that the group has.
+"""
 
 import functools
 import itertools
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from epuckhebb.runtime.resources import data_folder
 
-TABLES = ("adaptation", "change", "method")  # groups of which the choices, or most of them, are the rows of one file
+TABLES = {  # groups of which the choices, or most of them, are the rows of one file
+    "adaptation": "adaptations.yaml",
+    "change": "changes.yaml",
+    "flock": "flocks.yaml",
+    "ga": "genetic_algorithms.yaml",
+    "hebbian": "rules.yaml",
+    "lifetime": "lifetimes.yaml",
+    "method": "methods.yaml",
+    "scenario": "scenarios.yaml",
+    "training": "trainings.yaml",
+}
 _PACKAGE_OF = "# @package"  # the first line of a file that also changes other groups
-_ROW = re.compile(r'^((?:# .*\n)+)"?(\w+)"?:', re.MULTILINE)  # comments, and the name of what they describe
+_ROW = re.compile(r'^((?:# .*\n)*)"?(\w+)"?:', re.MULTILINE)  # comments, and the name of what they describe
 
 
+@functools.cache
 def groups(command: str) -> dict[str, list[str]]:
-    """The configuration groups of a command and their choices, as the names of the files say."""
+    """The configuration groups of a command and their choices, not to be changed."""
     defaults = command_file(command).read_text(encoding="utf-8")
     conf = data_folder("conf")
     names = sorted({*TABLES, *(path.name for path in conf.iterdir() if path.is_dir())})
@@ -26,15 +40,27 @@ def groups(command: str) -> dict[str, list[str]]:
     }
 
 
-def table_file(group: str) -> Path:
-    """The file whose rows are the choices of a group of `TABLES`."""
-    return data_folder("conf") / f"{group}s.yaml"
+def files(group: str) -> list[Path]:
+    """The files of a group: its table, and those in its folder."""
+    conf = data_folder("conf")
+    table = [conf / TABLES[group]] if group in TABLES else []
+    return [*table, *sorted((conf / group).glob("*.yaml"))]
+
+
+@functools.cache
+def table(group: str) -> dict[str, Any]:
+    """The rows of a group of `TABLES`, not to be changed."""
+    import yaml
+
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    (file, *_) = files(group)
+    return {str(name): row for name, row in yaml.load(file.read_text(encoding="utf-8"), Loader=loader).items()}
 
 
 @functools.cache
 def rows(group: str) -> dict[str, str]:
     """The choices of a group of `TABLES`, and what the comment above each says."""
-    found = _ROW.findall(table_file(group).read_text(encoding="utf-8"))
+    found = _ROW.findall(files(group)[0].read_text(encoding="utf-8"))
     return {name: _comment(comment.splitlines()) for comment, name in found}
 
 
@@ -62,15 +88,17 @@ def keys_with_defaults(command: str) -> Iterator[tuple[str, Any]]:
     yield from flat({key: value for key, value in primary.items() if key != "hydra"})
     for group in groups(command):
         file = data_folder("conf") / group / f"{chosen.get(group)}.yaml"
-        if group != "experiment" and file.is_file():
+        if file.is_file() and group != "experiment":
             values = yaml.safe_load(file.read_text(encoding="utf-8"))
-            yield from flat(values.get(group, values), f"{group}.")  # a file may bring other groups, beside its own
+        else:
+            values = table(group).get(str(chosen.get(group)), {}) if group in TABLES else {}
+        yield from flat(values.get(group, values), f"{group}.")  # a file may bring other groups, beside its own
 
 
-def flat(node: dict[Any, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+def flat(node: Mapping[Any, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
     """The values of settings below their dotted keys, as overrides have them; not the list of defaults."""
     for key, value in node.items():
-        if isinstance(value, dict):
+        if isinstance(value, Mapping):
             yield from flat(value, f"{prefix}{key}.")
         elif key != "defaults":
             yield f"{prefix}{key}", "null" if value is None else value

@@ -24,7 +24,6 @@ from epuckhebb.config import (
     from_values,
     load,
     own_files,
-    world_of,
 )
 from epuckhebb.runs import evolve_into, hydra, new_evolution, prepare_evaluation, prepare_evolution
 from epuckhebb.runtime import ConfigError, JobFailedError, data_folder
@@ -32,7 +31,7 @@ from epuckhebb.store import OwnFile, RunFolder, as_json, digest, write_atomic
 from epuckhebb.studies.jobs import Job
 from epuckhebb.studies.study import Study, job_name
 from epuckhebb.tmaze.fitness import Signal
-from epuckhebb.tmaze.scenario import TRAINED, Scenario
+from epuckhebb.tmaze.scenario import Scenario
 
 COST = "cost.json"
 
@@ -87,16 +86,15 @@ def job_of(overrides: list[str], config: Plain, *, champion: str = "", purpose: 
 
 @functools.cache
 def world_named(name: str, config_dir: str | None) -> Scenario:
-    """A world by its name."""
-    robot = in_training_world(TRAINED["obstacles"], (), config_dir).robot
+    """A world: the name of a scenario, and of changes, with + between them."""
+    scenario, *changes = name.split("+")
+    change = f"change={changes}"
     try:
-        world = world_of(name, robot, search_folders(config_dir))
-    except ValueError as error:
-        raise ConfigError(f"scenario {name}: {error}") from error
-    if world is None:
-        raise ConfigError(f"there is no scenario {name} in {' or '.join(map(str, search_folders(config_dir)))}")
+        world = in_training_world(scenario, (change,), config_dir).world
+    except ConfigError as error:
+        raise ConfigError(f"world {name}: {error}") from error
     check_library(world)
-    return replace(world, name=name)
+    return world
 
 
 @functools.cache

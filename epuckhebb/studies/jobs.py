@@ -161,7 +161,7 @@ def launch(
                     "--multirun",
                 ]
                 try:
-                    hydra.call_many("study", do, arguments, stamp)
+                    hydra.call_many("study", do, arguments)
                 except (ConfigError, JobFailedError) as error:
                     trouble = str(error)
                 if trouble and fail_fast:

@@ -61,7 +61,7 @@ def _swept(name: str, config_dir: str | None) -> tuple[str, ...]:
         raise ConfigError(f"tests={name}: this sweep of conf/experiment/ names no scenarios in hydra.sweeper.params")
     swept = alternatives([f"{key}={params[key]}" for key in ("scenario", "change") if key in params])
     values = [[_NAMES.findall(word.partition("=")[2]) for word in words] for words in swept.values()]
-    return tuple("_".join(itertools.chain(*names)) for names in itertools.product(*values))
+    return tuple("+".join(itertools.chain(*names)) for names in itertools.product(*values))
 
 
 def tests_of(sweeps: Sequence[str], config_dir: str | None) -> dict[str, dict[str, Scenario]]:
@@ -76,7 +76,7 @@ def tests_of(sweeps: Sequence[str], config_dir: str | None) -> dict[str, dict[st
 
 def sweep_of(sweeps: Sequence[str], config_dir: str | None) -> dict[str, str]:
     """The first sweep that has a test world, by the name of the world."""
-    return {name: sweep for sweep in reversed(sweeps) for name in _swept(sweep, config_dir)}
+    return {name.replace("+", "_"): sweep for sweep in reversed(sweeps) for name in _swept(sweep, config_dir)}
 
 
 class Planner:

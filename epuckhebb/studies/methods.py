@@ -68,7 +68,7 @@ def methods_named(names: Sequence[str], folders: Sequence[Path]) -> list[Method]
     names: of methods, `FILE.py:NAME` for a rule, or `all`. folders: with `method/`, first found first taken.
     """
     files = {file.stem: file for folder in reversed(folders) for file in (folder / "method").glob("*.yaml")}
-    table = {name: conf.table_file("method") for name in conf.rows("method")}
+    table = {name: conf.files("method")[0] for name in conf.rows("method")}
     known = dict(sorted({**table, **files}.items()))
     chosen: dict[str, Method] = {}
 
@@ -103,7 +103,7 @@ def _is_in(groups: Sequence[str], key: str) -> bool:
 
 def _read(name: str, file: Path) -> Method:
     """A method of the table, or of a file of the user's."""
-    is_row = file == conf.table_file("method")
+    is_row = file == conf.files("method")[0]
     values = settings(file)[name] if is_row else settings(file)
     where = f"{file}: {name}" if is_row else str(file)
     for key in values.keys() - _KEYS:

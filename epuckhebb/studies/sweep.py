@@ -108,7 +108,7 @@ class Sweep(Study):
 def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Planned:
     """List the jobs of a sweep, each composed and checked; two that would do the same are one."""
     own, of_hydra = split("sweep", arguments)
-    check_words("evaluate", arguments, config_dir, several=True)
+    check_words("evaluate", arguments, several=True)
     named = [f"experiment={name}"]
     no_launcher = [word for word in of_hydra if not word.startswith("hydra.launcher.")]  # it is chosen for the jobs
     params = swept_values([*named, *no_launcher], config_dir)

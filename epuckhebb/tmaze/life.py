@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.compiling.kernel import compiled
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.weight_change import weight_change_workspace
 from epuckhebb.controller.random import noise_workspace_size
@@ -171,48 +170,6 @@ def initial_tally() -> NDArray[np.void]:
 def tally_of(life: Life) -> Any:
     """The numbers of the tally, by name."""
     return _Tally._make(life.tally[0].item())
-
-
-class Group(NamedTuple):
-    """What robots in one space carry, first axis of arrays the robots.
-
-    records: a `Life`, in which adaptation, trials and workspace are those of one robot. motion: (robots, 6), the view
-    of the space's state. wheels: (robots, 4) and before: (robots, 2), workspace.
-    """
-
-    records: Life
-    keys: NDArray[np.uint64]
-    motion: Floats
-    wheels: Floats
-    before: Floats
-
-
-@compiled
-def life_of(group: Group, i: int) -> Life:
-    """The lifetime of one robot of a group."""
-    records, genes, neurons = group.records, group.records.genotype, group.records.neurons
-    return Life(
-        Genotype(
-            genes.weights[i],
-            genes.synapse_state[i],
-            genes.coefficients[i],
-            genes.modulatory[i],
-            genes.lengths[i],
-            genes.signs[i],
-            genes.neurons,
-        ),
-        group.keys[i],
-        records.tally[i],
-        records.weights[i],
-        records.synapse_state[i],
-        records.activation[i],
-        records.adaptation,
-        records.trials,
-        records.score[i],
-        Neurons(neurons.state[i], neurons.parameters[i], neurons.numbers, neurons.step_s),
-        records.workspace,
-        records.past[i],
-    )
 
 
 class Setup(NamedTuple):

@@ -34,7 +34,7 @@ def kernel_of(
     fitness: Fitness = PAPER_FITNESS,
     physics: Physics = PYMUNK,
 ) -> Any:
-    """A function of `lifetime.py` (`live`, `live_group` or `look`) with these parts, compiled or from the cache.
+    """`live`, or another page that takes the parts of a lifetime (`look`, `live_group`), compiled or from the cache.
 
     more_faults: whether there are other faults than dead sensors and weak
     wheels. Of task, fitness and adaptation only the functions matter.

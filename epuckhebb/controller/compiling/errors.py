@@ -24,6 +24,8 @@ def explained(what: str, function: Callable[..., Any], error: Exception, stores:
     causes = [number for number, line in enumerate(lines) if line.startswith("Rejected as")]
     reason = [line for line in lines[causes[-1] + 1 if causes else 0 :] if "Failed in nopython mode" not in line]
     reason = reason[: next((number for number, line in enumerate(reason) if line.startswith("During: Pass")), None)]
+    if isinstance(error, KeyError) and stores:
+        reason = [f"`{stores}` has no {text}"]
     if _MAKES_AN_ARRAY in text:
         instead = f": put what it stores into `{stores}`" if stores else ""
         reason = [f"it makes an array, and `{function.__name__}` has only numbers{instead}"]

@@ -1,0 +1,143 @@
+"""What Hydra composes from besides the files of `conf/`: schemas, the rows of tables, and the user's folder.
+
+Schemas and rows are nodes of Hydra's ConfigStore. The user's folder (`--config-dir`) is searched before the program's,
+so that a file of the user's wins over ours of the same name.
+"""
+
+import itertools
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from hydra import compose, initialize_config_dir
+from hydra.core.config_search_path import ConfigSearchPath, SearchPathQuery
+from hydra.core.config_store import ConfigStore
+from hydra.core.global_hydra import GlobalHydra
+from hydra.core.plugins import Plugins
+from hydra.plugins.search_path_plugin import SearchPathPlugin
+from omegaconf import DictConfig, OmegaConf, flag_override
+
+from epuckhebb.config import yaml_file
+from epuckhebb.config.errors import explain
+from epuckhebb.config.overrides import with_names_compared
+from epuckhebb.config.schema import SCHEMAS, structured
+from epuckhebb.runtime import ConfigError, conf, data_folder
+
+IS_HYDRA_1_4 = int(version("hydra-core").split(".")[1]) >= 4
+VERSION_BASE: dict[str, Any] = {} if IS_HYDRA_1_4 else {"version_base": "1.3"}  # from 1.4 on it is warned about
+USERS = "command-line"  # who brings the user's folder, as Hydra names it for its own --config-dir
+NULL = "None"  # the choice of a group of which none was made
+BROUGHT = ("maze", "physics")  # groups of which a change of the world may name another choice
+BRIGHT, DIM = 1.0, 0.1  # the light of the two experiments
+_MOST_FILES = 1000  # in the user's folder
+_stored: list[ConfigStore] = []  # the store, if it has the program's rows and no user's
+
+
+class _SearchPath(SearchPathPlugin):
+    """Lets Hydra look into its ConfigStore and the user's folder before `conf/`."""
+
+    folder: Path | None = None
+
+    def manipulate_search_path(self, search_path: ConfigSearchPath) -> None:
+        """See Hydra."""
+        if self.folder is not None:
+            search_path.prepend(USERS, f"file://{self.folder}", SearchPathQuery(provider="main"))
+        search_path.prepend("schema", "structured://")  # under the name that Hydra gives it at the end
+
+
+class Composed(NamedTuple):
+    """A configuration as Hydra composes it, what Hydra keeps for itself, and the choice of each group."""
+
+    cfg: DictConfig
+    hydra: DictConfig
+    choices: dict[str, str]
+
+
+def by_hydra(command: str, overrides: list[str], config_dir: str | None) -> Composed:
+    """A configuration as Hydra composes it."""
+    overrides = list(map(with_names_compared, overrides))
+    try:
+        with catalogue(command, config_dir), initialize_config_dir(str(data_folder("conf")), **VERSION_BASE):
+            cfg = compose(command, overrides, return_hydra_config=True)
+    except ConfigError:
+        raise
+    except Exception as error:  # what damaged files may raise has no end
+        message, words = explain(error), " ".join(overrides)
+        is_named = any(word.lstrip("+~").partition("=")[0] in message for word in overrides)
+        raise ConfigError(message if is_named or not words else f"{words}: {message}") from error
+    with flag_override(cfg, ["struct", "readonly"], [False, False]):
+        hydra = cfg.pop("hydra")
+    return Composed(cfg, hydra, choices_of(hydra.runtime))
+
+
+def choices_of(runtime: Any) -> dict[str, str]:
+    """The choice of each group, from what Hydra notes of a composition."""
+    return {str(group): str(choice) for group, choice in runtime.choices.items()}
+
+
+@contextmanager
+def catalogue(command: str, config_dir: str | None) -> Iterator[None]:
+    """Time in which Hydra knows the schema of a command, the rows of tables, and the user's folder."""
+    hydra, before = GlobalHydra.instance(), _SearchPath.folder
+    composing = hydra.hydra  # of a caller who composes with Hydra, or of the job at work
+    _SearchPath.folder = None if config_dir is None else Path(config_dir).absolute()
+    Plugins.instance().register(_SearchPath)
+    _store(command, _SearchPath.folder)
+    hydra.clear()
+    try:
+        yield
+    finally:
+        _SearchPath.folder = before
+        hydra.clear()
+        if composing is not None:
+            hydra.initialize(composing)
+
+
+def changes(folder: Path | None) -> dict[str, dict[str, Any]]:
+    """The changes of the world by name: the rows of `conf/changes.yaml`, and the files of the user's."""
+    own = {file.stem: yaml_file.load(file) for file in _files(folder, "change")} if folder else {}
+    return {**conf.table("change"), **own}
+
+
+def _store(command: str, folder: Path | None) -> None:
+    """Store the schema of a command, and the rows of tables that no file of the user's replaces."""
+    store = ConfigStore.instance()
+    store.store("compared", {"defaults": [{"hebbian": "paper"}, {"adaptation": "none"}]})
+    if command in SCHEMAS:
+        store.store(f"schema_{command}", structured(command))
+    if folder is None and _stored == [store]:
+        return
+    groups = {file.parent.name for file in data_folder("conf").glob("*/*.yaml")} | {*conf.TABLES, "hydra/launcher"}
+    files = {group: list(_files(folder, group)) for group in groups} if folder else {}
+    for file in itertools.chain(_files(folder, "."), *files.values()) if folder else ():
+        yaml_file.check_aliases(file)
+    for group in conf.TABLES.keys() - {"method", "change"}:
+        store.repo[group] = {}
+        for name in conf.table(group).keys() - {file.stem for file in files.get(group, ())}:
+            package = "_global_" if group == "adaptation" else None
+            store.store(name, conf.table(group)[name], group, package)
+    store.repo["change"] = {}
+    for name, row in changes(folder).items():
+        overrides = [{f"override /{group}@_global_.{group}": row[group]} for group in BROUGHT if group in row]
+        scenario = {key: value for key, value in row.items() if key not in BROUGHT}
+        node = {"defaults": [*overrides, "_self_"], "scenario": scenario, "change": {name: None}}
+        store.store(name, node, "change", "_global_")
+    _stored[:] = [store] if folder is None else []
+
+
+def _files(folder: Path, group: str) -> Iterator[Path]:
+    """The files of a group in the user's folder."""
+    return itertools.islice(sorted((folder / group).glob("*.yaml")), _MOST_FILES)
+
+
+def _refuse_environment(*_: Any, _node_: Any) -> None:
+    key = _node_._get_full_key(None)
+    raise ConfigError(f"{key}: environment variables are not read by a configuration; write the value itself")
+
+
+register: Any = OmegaConf.register_resolver if IS_HYDRA_1_4 else OmegaConf.register_new_resolver  # its name changed
+register("epuckhebb.by_experiment", lambda values, *, _root_: values[_root_.scenario.experiment], replace=True)
+register("epuckhebb.other_light", lambda light: DIM if light > (BRIGHT + DIM) / 2 else BRIGHT, replace=True)
+register("oc.env", _refuse_environment, replace=True)  # what is written down of a run would tell of its surroundings

@@ -1,0 +1,41 @@
+"""Makes one line of what Hydra, OmegaConf and YAML say is wrong."""
+
+import re
+
+import yaml
+
+_KEY = "full_key:"  # before the key, on a line of its own
+_NOISE = ("object_type=", "reference_type=", "provider=")  # lines that say nothing to a user
+_EXTRAS = {"submitit": "slurm", "ray": "ray", "joblib": "parallel"}  # launcher -> the extra of this package that has it
+
+
+def explain(error: BaseException) -> str:
+    """What Hydra, OmegaConf or YAML says is wrong, in one line: what they add about themselves is left out."""
+    if isinstance(error, RecursionError):
+        return "a file's defaults lead back to itself, or its settings stand too deep in one another"
+    causes: list[BaseException] = [error]
+    while (cause := causes[-1].__cause__) is not None and cause not in causes:  # one may be its own, in a debugger
+        causes.append(cause)
+    lines, keys = dict[str, None](), list[str]()
+    for cause in causes:
+        if isinstance(cause, yaml.MarkedYAMLError) and cause.problem_mark:
+            return f"{cause.problem_mark.name}{line_of(cause)}"
+        for line in map(str.strip, str(cause).partition("Config search path")[0].splitlines()):
+            if line.startswith(_KEY):
+                keys.append(line.removeprefix(_KEY).strip())
+            elif line and not line.startswith(_NOISE):
+                lines[line] = None
+    message = " ".join(lines) or type(error).__name__
+    if keys and keys[0] not in message:
+        message = f"{keys[0]}: {message}"
+    launcher = re.search(r"hydra/launcher/(\w+?)(_\w+)?'", message)
+    if launcher and launcher[1] in _EXTRAS:
+        message += f'; this launcher is a plug-in: pip install "epuckhebb[{_EXTRAS[launcher[1]]}]"'
+    return message
+
+
+def line_of(error: yaml.MarkedYAMLError) -> str:
+    """The line of what is wrong in a YAML file, and what it is."""
+    mark = error.problem_mark or error.context_mark
+    reason = ", ".join(filter(None, (error.context, error.problem)))
+    return f", line {mark.line + 1}: {reason}" if mark else f": {reason}"

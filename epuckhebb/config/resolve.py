@@ -1,0 +1,298 @@
+"""Completes a composed configuration: names, changes of the world, own files, and what differs from the named world.
+
+A choice of a group is known by the name of its file or row, so that need not say `name:`. The key `changed`, which
+tables, folders and pages show, is the difference between this configuration and one that is composed of nothing but
+the choices that name the world. A configuration that has all names is left as it is.
+"""
+
+import functools
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from omegaconf import DictConfig, ListConfig, OmegaConf, flag_override
+from omegaconf.errors import OmegaConfBaseException
+
+from epuckhebb.config import hand, yaml_file
+from epuckhebb.config.build import scenario_from
+from epuckhebb.config.catalogue import BROUGHT, NULL, by_hydra, changes
+from epuckhebb.config.errors import explain
+from epuckhebb.config.overrides import literal, parsed
+from epuckhebb.config.parts import NONE, PAPER, PART_GROUPS, part_class, part_from
+from epuckhebb.config.plugins import own_references
+from epuckhebb.config.schema import WorldConfig, plain
+from epuckhebb.controller.wiring import LAYERS
+from epuckhebb.runtime import ConfigError, conf, data_folder, path_of
+from epuckhebb.tmaze.individual import HEBBIAN
+from epuckhebb.tmaze.physics_engine import Physics
+from epuckhebb.tmaze.scenario import TRAINED, Scenario
+
+_NAMED = ("maze", "robot", "scenario", "hebbian", "training")  # groups whose settings have a name
+_PARTS = ("maze", "robot", "task", "fitness", "physics")  # groups whose choice `changed` names
+_SHOWN = ("scenario", "lifetime", "network", *_PARTS)  # groups whose values `changed` names
+_USUAL = ("training", "hebbian")  # more groups whose choice is as it is in what a configuration is compared with
+_COMPARED = (*_SHOWN, "training", "change", "experiment")  # keys and groups that can make a difference
+_OF_ANY_NUMBER = ("change", "experiment", "ga")  # groups of which no choice need be made, or several can
+_RECORDING = "lifetime.record_every"  # changes nothing in a lifetime
+_OF_GA = re.compile(r"[+~]*ga[.=]")  # an override of the genetic algorithm
+_LONGEST = 80  # characters of a world in the name of a folder
+
+
+class _Usual(NamedTuple):
+    """A configuration of nothing but the choices that name the world. differ: groups of parts with another choice."""
+
+    cfg: DictConfig
+    differ: list[str]
+
+
+def resolve(
+    command: str, cfg: DictConfig, choices: Mapping[str, str], overrides: Sequence[str], config_dir: str | None
+) -> None:
+    """Complete a configuration as Hydra composed it; it is changed. choices: of each group."""
+    with flag_override(cfg, ["struct", "readonly"], [False, False]):
+        _find_own_files(cfg)
+        if "scenario" not in cfg or cfg.get("changed") is not None:
+            return
+        try:
+            _resolve(command, cfg, dict(choices), overrides, config_dir)
+        except OmegaConfBaseException as error:
+            raise ConfigError(explain(error)) from error
+
+
+def _resolve(
+    command: str, cfg: DictConfig, choices: dict[str, str], overrides: Sequence[str], config_dir: str | None
+) -> None:
+    for group, known in conf.groups(command).items():
+        if group not in _OF_ANY_NUMBER and choices.get(group, NULL) == NULL:
+            raise ConfigError(f"{group} must be one of {', '.join(known)}, got none of them, or several")
+    _make_changes(command, cfg, choices, config_dir)
+    usual = _usual(command, choices, overrides, config_dir)
+    cfg.changed = literal(", ".join(_differences(cfg, choices, usual))) if usual else ""
+    for group in _NAMED:
+        if group in cfg and not cfg[group].get("name"):
+            changed = cfg.change if group == "scenario" else ()
+            cfg[group].name = "_".join([choices.get(group, ""), *changed])
+    if usual and "training" in cfg and OmegaConf.merge(cfg.training, {"name": ""}) != usual.cfg.training:
+        cfg.training.name += " changed"
+    added = cfg.get("adaptation")
+    if added and added.name == NONE and (added.change_signal != NONE or added.homeostasis):
+        _, is_own, kind = str(added.change_signal).rpartition(":")
+        cfg.adaptation.name = kind.lower() if is_own else choices["adaptation"]
+    if cfg.get("compare"):
+        cfg.compare = dict(_compared(str(name), given, config_dir) for name, given in cfg.compare.items())
+    if ":" in str((cfg.get("optimizer") or {}).get("algorithm")) and not any(map(_OF_GA.match, overrides)):
+        cfg.ga = None
+    _complete_parts(cfg)
+    if usual:
+        _fit_rule(cfg, choices["hebbian"], usual.cfg.hebbian)
+
+
+def world_name(scenario: str, changed: str | None) -> str:
+    """A world as part of the name of a folder: the scenario, and what differs from it."""
+    parts = [scenario, *(changed.split(", ") if changed else [])]
+    return "+".join(re.sub(r"[^\w.]+", "-", part) for part in parts)[:_LONGEST].rstrip("+-")
+
+
+def _make_changes(command: str, cfg: DictConfig, choices: dict[str, str], config_dir: str | None) -> None:
+    """Make the changes whose settings were given in words, and refuse two that set the same key."""
+    known = changes(Path(config_dir).absolute() if config_dir else None) if cfg.change else {}
+    set_by: dict[str, str] = {}
+    for name, settings in cfg.change.items():
+        row = known.get(name, {}) if settings is None else settings
+        if not isinstance(row, Mapping):
+            raise ConfigError(f"change.{name} must be settings of a scenario, for example {{light: 0.05}}, got {row}")
+        if settings is None:
+            for key, _ in conf.flat(row):
+                if key in set_by:
+                    raise ConfigError(f"change: {set_by[key]} and {name} both change {key}; give one of the two")
+                set_by[key] = name
+        else:
+            own = OmegaConf.masked_copy(settings, [key for key in settings if key not in BROUGHT])
+            try:
+                cfg.scenario.merge_with(own)
+            except OmegaConfBaseException as error:
+                raise ConfigError(f"change.{name}: {explain(error)}") from error
+        brought = {group: str(row[group]) for group in BROUGHT if group in row}
+        for group, choice in brought.items():
+            if choices[group] != choice and (settings is not None or group == "physics"):  # that a sweep trains with
+                file = data_folder("conf") / group / f"{choice}.yaml"
+                if not file.is_file():
+                    there = ", ".join(conf.groups(command)[group])
+                    raise ConfigError(f"change.{name}.{group} must be one of {there}, got {choice}")
+                cfg[group], choices[group] = OmegaConf.load(file), choice
+        cfg.change[name] = brought
+
+
+def _usual(command: str, choices: Mapping[str, str], overrides: Sequence[str], config_dir: str | None) -> _Usual | None:
+    """What the choices that name the world are without anything else; None if nothing that counts differs from it.
+
+    The program's own choices are taken if there are such, so that a file of the user's that replaces one differs.
+    """
+    words = [(str(word.key_or_group), word) for word in parsed(overrides)]
+    naming = [word for key, word in words if key in ("scenario", "change") and not isinstance(word.value(), dict)]
+    others = [key for key, word in words if word not in naming and key != _RECORDING]
+    if config_dir is None and not any(key.partition(".")[0] in _COMPARED or key == "hebbian.rule" for key in others):
+        return None
+    changes_named = [str(word.input_line) for word in naming if word.key_or_group == "change"]
+
+    def chosen(*groups: str) -> list[str]:
+        return [f"{group}='{choices[group]}'" for group in groups]
+
+    def usual(folder: str | None) -> _Usual:
+        named = [*chosen("scenario"), *changes_named]
+        found = by_hydra(command, named, folder)
+        differ = [group for group in (*_PARTS, *_USUAL) if choices.get(group) != found.choices.get(group)]
+        if differ:
+            found = by_hydra(command, [*named, *chosen(*differ)], folder)
+        with flag_override(found.cfg, ["struct", "readonly"], [False, False]):
+            _find_own_files(found.cfg)
+        return _Usual(found.cfg, [group for group in differ if group in _PARTS])
+
+    try:
+        return usual(None)
+    except ConfigError:  # a choice of the user's
+        return usual(config_dir)
+
+
+def _differences(cfg: DictConfig, choices: Mapping[str, str], usual: _Usual) -> Iterator[str]:
+    """What differs from the named world, as overrides. What follows from another value is not repeated."""
+    yield from (f"{group}={choices[group]}" for group in usual.differ)
+    mine, its = _values(cfg, resolve=True), _values(usual.cfg, resolve=True)
+    raw, its_raw = _values(cfg, resolve=False), _values(usual.cfg, resolve=False)
+    for key, value in mine.items():
+        is_same = value == its.get(key, "null") or (key in its_raw and raw.get(key) == its_raw[key])
+        if is_same or key in (_RECORDING, "scenario.name"):
+            continue
+        shown = key.removeprefix("scenario.")
+        if shown == "hand":
+            yield f"{len(hand.read(value))} changes by hand"
+        elif shown == "changes":
+            for change in filter(lambda one: isinstance(one, Mapping), value):
+                settings = " ".join(f"{name}={_text(new)}" for name, new in dict(change).items() if name != "at_s")
+                yield f"{settings} at {_text(dict(change).get('at_s'))} s"
+        else:
+            yield f"{shown}={_text(value)}"
+
+
+def _values(cfg: DictConfig, *, resolve: bool) -> dict[str, Any]:
+    """The values that `changed` can name, by their dotted keys."""
+    groups = (group for group in _SHOWN if group in cfg)
+    return dict(conf.flat({one: OmegaConf.to_container(cfg[one], resolve=resolve, enum_to_str=True) for one in groups}))
+
+
+def _text(value: object) -> str:
+    """A value as `changed` has it, without spaces after commas; of a user's own class its name."""
+    if isinstance(value, Mapping):
+        return "{" + " ".join(f"{key}:{_text(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, list):
+        return f"[{','.join(map(_text, value))}]"
+    if isinstance(value, str) and ".py:" in value:
+        return value.rpartition(":")[2]
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _compared(name: str, given: Any, config_dir: str | None) -> tuple[str, Any]:
+    """What is compared, by its name; a name alone stands for the adaptation or the rule of this name."""
+    if given is None and name in (NONE, PAPER):  # the run has it anyway
+        return HEBBIAN, {}
+    try:
+        if given is None:
+            file = Path(config_dir or ".", "adaptation", f"{name}.yaml")
+            is_adaptation = name in conf.groups("evaluate")["adaptation"] or (config_dir is not None and file.is_file())
+            added = _named(f"{'adaptation' if is_adaptation else 'hebbian'}={name}", config_dir)
+            return name, {**added["hebbian"], **({"adaptation": added["adaptation"]} if is_adaptation else {})}
+        if isinstance(given, DictConfig) and isinstance(given.get("adaptation"), str):
+            given.adaptation = _named(f"adaptation={given.adaptation}", config_dir)["adaptation"]
+    except ConfigError as error:
+        raise ConfigError(f"compare.{name}: {error}") from error
+    return name, given
+
+
+def _named(word: str, config_dir: str | None) -> dict[str, Any]:
+    """The settings of a rule and of an adaptation that one choice brings, references unresolved."""
+    return _of_program(word) if config_dir is None else _of_anyone(word, config_dir)
+
+
+def _of_anyone(word: str, config_dir: str | None) -> dict[str, Any]:
+    values: Any = OmegaConf.to_container(by_hydra("compared", [word], config_dir).cfg)
+    return dict(values)
+
+
+@functools.cache
+def _of_program(word: str) -> dict[str, Any]:
+    return _of_anyone(word, None)
+
+
+def _find_own_files(cfg: DictConfig) -> None:
+    """Write down where the user's files are."""
+    for part, key, path, name in list(own_references({group: cfg[group] for group in PART_GROUPS if group in cfg})):
+        part[key] = literal(f"{path.absolute()}:{name}")
+
+
+def _complete_parts(cfg: DictConfig) -> None:
+    """Write down where changes by hand are, and what sensors of the user's read."""
+    if cfg.network.get("wiring") != LAYERS and cfg.network.get("layers") is None:
+        cfg.network.pop("layers", None)
+    sensors = cfg.robot.get("sensors")
+    for number, settings in enumerate(sensors if isinstance(sensors, ListConfig) else ()):
+        key = f"robot.sensors[{number}]"
+        if not isinstance(settings, DictConfig) or ":" not in str(settings.get("sensor")):
+            raise ConfigError(f"{key} must be {{sensor: FILE.py:NAME}} and its settings, got {settings}")
+        settings.setdefault("readings", list(part_class("sensor", settings.sensor, key).readings))
+    if cfg.scenario.get("hand") is not None:
+        cfg.scenario.hand = literal(str(path_of(cfg.scenario.hand, "scenario.hand").absolute()))
+
+
+def _fit_rule(cfg: DictConfig, choice: str, chosen: DictConfig) -> None:
+    """Give a rule that was named by its class its own rate, and drop what the chosen row says for another rule."""
+    rule = cfg.hebbian.get("rule")
+    if rule in (None, NONE, chosen.get("rule")):
+        return
+    kind = part_class("rule", rule, "hebbian")
+    own = {field.name: field.default for field in fields(kind)}
+    raw: Any = OmegaConf.to_container(cfg.hebbian)
+    raw_chosen: Any = OmegaConf.to_container(chosen)
+    as_chosen = {key for key, value in raw_chosen.items() if raw.get(key) == value}
+    if "N" in as_chosen or "N" not in raw:
+        cfg.hebbian.N = own["N"] or raw.get("N", cfg.scenario.paper_N)
+    for key in as_chosen - {"rule", "name", *own}:
+        del cfg.hebbian[key]
+    if cfg.hebbian.get("name") == choice:
+        cfg.hebbian.name = kind.__name__.lower()
+
+
+def training_world(config: WorldConfig, experiment: str, physics: Physics) -> Scenario:
+    """The world in which controllers of an experiment are evolved, for the robot and in the maze of a configuration.
+
+    If a change brought that maze, training is in the usual one. physics: of their evolution.
+    """
+    cfg = _world_of_program(TRAINED[experiment]).copy()
+    if config.maze.get("name") not in [change.get("maze") for change in config.change.values()]:
+        cfg.maze = config.maze
+    world = scenario_from(OmegaConf.to_object(cfg.scenario), plain(cfg)["maze"], config.robot)
+    return replace(world, physics=physics)
+
+
+@functools.cache
+def _world_of_program(scenario: str) -> DictConfig:
+    """A scenario of the program's in its usual maze, not to be changed."""
+    cfg = by_hydra("evaluate", [f"scenario={scenario}"], None).cfg
+    cfg.scenario.name = scenario
+    return OmegaConf.masked_copy(cfg, ["scenario", "maze"])
+
+
+@functools.cache
+def usual_physics(name: str) -> Physics:
+    """The physics of this name with the settings of its file."""
+    file = data_folder("conf") / "physics" / f"{name}.yaml"
+    if not file.is_file():
+        raise ConfigError(f"physics must be one of {', '.join(conf.groups('evaluate')['physics'])}, got {name}")
+    physics: Physics = part_from("physics", yaml_file.load(file), "physics")
+    return physics
+
+
+def brings_physics(world: str) -> bool:
+    """Whether a change that the name of a world names puts another physics in place of the usual one."""
+    return any("physics" in row and f"_{name}_" in f"{world}_" for name, row in conf.table("change").items())
