@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from epuckhebb.controller.compiling.kernel import compiled, kernel, with_parts
+from epuckhebb.controller.compiling.kernel import compiled, kernel, nothing, with_parts
 from epuckhebb.controller.forward_pass import forward_pass
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.rule import NoRule, Rule
