@@ -34,7 +34,7 @@ HEBBIAN = Controller(name="Hebbian", rule=Paper(N=0.002))
 NOVEL = Controller(
     name="x",
     rule=Paper(N=0.002),
-    adaptation=Adaptation(change_signal="novelty", threshold=0.2, active_s=1, rest_s=1, motor_noise=1),
+    adaptation=Adaptation(change_signal="late", threshold=0.2, active_s=1, rest_s=1, motor_noise=1),
 )
 CHANGES = (
     {"at_s": 1.0, "light": 1.0, "left_wheel": 0.5, "dead_sensors": [0, 3]},
