@@ -65,7 +65,9 @@ def load_kernel(
     world = scenario or Scenario()
     net = network or Network((world.inputs, *HIDDEN, OUTPUTS), world.task.gives_reward)
     genes = plan_of(net, type(controller.rule)).genes
-    own = _own_parts(controller, net, world)
+    parts = (controller.rule, net.wiring, world.fitness, world.task, world.physics, *world.robot.sensors)
+    kinds = [*map(type, parts), *controller.adaptation.parts]
+    own = [kind for kind in kinds if isinstance(kind, type) and issubclass(kind, OwnClass) and is_own(kind)]
     dummy = Individual(
         genes=np.random.default_rng(0).uniform(-1.0, 1.0, genes) if own else np.zeros(genes),
         side="left",
@@ -79,18 +81,11 @@ def load_kernel(
     lifetime = Lifetime(duration_s=duration_s, gain_rad_s=gain, record_every=1)
     first, *again = (run_lifetimes([dummy], world, lifetime)[0] for _ in range(2 if own else 1))
     if again and _content(first) != _content(again[0]):
-        parts = " or ".join(f"{part.KEY} ({part.what()})" for part in own)
+        named = " or ".join(f"{part.KEY} ({part.what()})" for part in own)
         raise ValueError(
-            f"{parts} gives other results when the same lifetime is run again, so no run could be repeated: it draws "
+            f"{named} gives other results when the same lifetime is run again, so no run could be repeated: it draws "
             "random numbers of its own, or remembers earlier lifetimes"
         )
-
-
-def _own_parts(controller: Controller, network: Network, world: Scenario) -> list[type[OwnClass]]:
-    """The classes of a lifetime's parts that are the user's own."""
-    parts = (controller.rule, network.wiring, world.fitness, world.task, world.physics, *world.robot.sensors)
-    kinds = [*map(type, parts), *controller.adaptation.parts]
-    return [kind for kind in kinds if isinstance(kind, type) and issubclass(kind, OwnClass) and is_own(kind)]
 
 
 def _content(result: tuple[Outcome, Samples]) -> list[bytes]:

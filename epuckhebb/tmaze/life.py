@@ -70,7 +70,7 @@ _Tally = _namedtuple("_Tally", TALLY.names)  # a whole tally is read in the time
 _INITIAL_TALLY = np.zeros(1, TALLY)
 _INITIAL_TALLY["time_to_goal"], _INITIAL_TALLY["change_signal"] = math.nan, math.nan
 _INITIAL_TALLY["need"], _INITIAL_TALLY["scale"] = 1.0, 1.0
-_INITIAL_BYTES = _INITIAL_TALLY.view(np.uint8)  # copied in a tenth of the time: NumPy copies a record field by field
+INITIAL_BYTES = _INITIAL_TALLY.view(np.uint8)  # copied in a tenth of the time: NumPy copies a record field by field
 
 
 @dataclass(kw_only=True)
@@ -160,11 +160,6 @@ class Life(NamedTuple):
     neurons: Neurons
     workspace: Workspace
     past: Floats
-
-
-def initial_tally() -> NDArray[np.void]:
-    """The tally before the first step."""
-    return _INITIAL_BYTES.copy().view(TALLY)
 
 
 def tally_of(life: Life) -> Any:
