@@ -202,7 +202,9 @@ def test_a_test_world_of_a_study_has_its_own_physics_or_that_of_the_study():
         (of_ode, "base+plane", "pymunk"),
     ):
         there = prepare_evaluation(load(EvaluateConfig, words)).in_world(world_named(name, None)).config
-        assert there.world.physics.name == load(EvaluateConfig, [f"scenario={name}", *words]).world.physics.name
+        scenario, *changes = name.split("+")
+        alone = load(EvaluateConfig, [f"scenario={scenario}", f"change={changes}", *words])
+        assert there.world.physics.name == alone.world.physics.name
         assert there.world.physics.name == physics
 
 

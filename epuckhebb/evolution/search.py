@@ -47,17 +47,10 @@ def measures_of(optimizer: Algorithm) -> tuple[str, ...]:
 
 
 class Search:
-    """A search in progress.
-
-    log: the results of each generation so far, all that is needed to resume. measures: as `measures_of` has them.
-    """
+    """A search in progress. log: the results of each generation so far. measures: as `measures_of` has them."""
 
     def __init__(self, optimizer: Algorithm, plan: GenomePlan, seed: int, log: Sequence[Results] = ()) -> None:
-        """Start a copy of an optimizer for the genes of a plan, and give it the results that are logged.
-
-        Raises:
-            OptimizerError: the optimizer failed, or asks for other genomes than those that are logged.
-        """
+        """Start a copy of an optimizer for the genes of a plan, and give it the results that are logged."""
         self.log: tuple[Results, ...] = ()
         self._settings, self._plan = optimizer, plan
         self._optimizer = replace(optimizer)  # type: ignore[type-var]  # all are dataclasses
@@ -74,7 +67,8 @@ class Search:
 
     def ask(self) -> Floats:
         """The genomes of the next generation, (individuals, genes)."""
-        given, most, genes = self._do("ask"), self._settings.individuals, self._plan.genes
+        given, genes = self._do("ask"), self._plan.genes
+        most = max(self._settings.population, self._settings.first_generation)
         wanted = f"{self._settings.name}: `ask` must return genomes, an array of 1 to {most} rows with {genes} numbers"
         self._population = self._genomes(given, wanted)
         if not 1 <= len(self._population) <= most:
@@ -83,9 +77,7 @@ class Search:
         return self._population
 
     def tell(self, fitness: Floats, measures: Mapping[str, Floats]) -> None:
-        """Give the optimizer their results. measures: the values of `measures`, by name."""
-        if any(len(values) != len(self._population) for values in (fitness, *measures.values())):
-            raise ValueError(f"it holds the fitness of {len(fitness)} individuals, not of {len(self._population)}")
+        """Give the optimizer their results; measures by name."""
         given = {_FITNESS: fitness, **measures}
         names = inspect.signature(self._optimizer.tell).parameters
         self._do("tell", **{name: given[name].copy() for name in names})  # which the optimizer may change
@@ -102,14 +94,10 @@ class Search:
 
     def tables(self) -> dict[str, "pd.DataFrame"]:
         """What the optimizer has to show, by name."""
-        given = self._do("tables")
-        names = given if isinstance(given, Mapping) else [given]
-        for name in names:
-            if not (isinstance(name, str) and name.isidentifier() and hasattr(given[name], "to_csv")):
-                raise OptimizerError(
-                    f"optimizer {self._settings.name}: `tables` must return data frames by name, got {name!r}"
-                )
-        return dict(given)
+        tables = self._do("tables")
+        if not isinstance(tables, Mapping) or not all(hasattr(table, "to_csv") for table in tables.values()):
+            raise OptimizerError(f"optimizer {self._settings.name}: `tables` must return data frames by name")
+        return dict(tables)
 
     def _genomes(self, given: Any, wanted: str) -> Floats:
         """Genomes that an optimizer gave, (rows, genes), as an array of their own."""
@@ -137,11 +125,7 @@ class Search:
 
 
 def check_start(optimizer: Algorithm, plan: GenomePlan, seed: int) -> None:
-    """Check that an optimizer starts, and asks for the same genomes when it is started again.
-
-    Raises:
-        OptimizerError: it does not.
-    """
+    """Check that an optimizer starts, and asks for the same genomes when it is started again."""
     first, again = (Search(optimizer, plan, seed).ask() for _ in range(2))
     if not np.array_equal(first, again):
         raise OptimizerError(
