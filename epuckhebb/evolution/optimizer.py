@@ -7,7 +7,7 @@ GA, do as `conf/optimizer/sep_cma_es.yaml` does. An optimizer of the user's is s
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
@@ -19,6 +19,7 @@ from epuckhebb.controller.own_class import OwnClass
 from epuckhebb.controller.ranges import within
 from epuckhebb.evolution.training import Training
 from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.own_fitness import OF_OUTCOME
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -60,6 +61,11 @@ class Algorithm(OwnClass, ABC):
     start_noise: float = 0.0
     confirm: int = 0
     tell: Callable[..., None]
+
+    @classmethod
+    def known(cls, method: str) -> Collection[str]:  # noqa: ARG003  # it has one
+        """See `OwnClass`."""
+        return "self", "fitness", *OF_OUTCOME
 
     @property
     @abstractmethod

@@ -179,7 +179,7 @@ def update_of(rule: type[Rule], network: Network) -> Update:
     if rule is NoRule:
         return zero
     rule.check_class()
-    names, By = rule.arguments(), namedtuple_of("By", rule.settings())
+    names, By = rule.arguments("synapse"), namedtuple_of("By", rule.settings())
     evolved, alike = coefficient_names(rule), is_alike(rule)
     how = {
         "correlation": f"room[{CORRELATION}, k]",
