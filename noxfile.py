@@ -73,7 +73,8 @@ def tests(session: nox.Session) -> None:
 def thorough(session: nox.Session) -> None:
     """Run the ordinary suite, and the tests that try once more, on other input, what that suite has run."""
     session.install(".", *group("tests"), STABLE)
-    session.run("pytest", *TWO_CORES, "-m", "not (slow or torture or slurm or ray)", *session.posargs)
+    thorough = ["-m", "not (slow or torture or slurm or ray)", "--hypothesis-profile=thorough"]
+    session.run("pytest", *TWO_CORES, *thorough, *session.posargs)
 
 
 @nox.session(tags=["heavy"])

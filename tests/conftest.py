@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import reference
+from hypothesis import settings
 from omegaconf import OmegaConf
 
 from epuckhebb.config.parts_from_yaml import robot_from
@@ -22,6 +23,9 @@ from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.scenario import Scenario
 
 HERE = Path(__file__).parent
+settings.register_profile("ordinary", max_examples=20, deadline=None)
+settings.register_profile("thorough", max_examples=100, deadline=None)
+settings.load_profile("ordinary")
 load_studies()
 
 

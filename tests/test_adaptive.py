@@ -75,7 +75,7 @@ def test_a_sweep_over_champions_and_worlds_tells_of_rescue_and_harm(here):
     (here / "mine" / "experiment" / "small.yaml").write_text(SMALL_STUDY.lstrip())
     words = ["sweep", "small", "--config-dir", "mine", *BRIEF, "hydra/launcher=basic", "hydra.sweep.dir=out"]
     result = done(*words)
-    assert "Rescue and harm" in result.stdout
+    assert "The obstacles experiment" in result.stdout
     each = pd.read_csv(here / "out" / "rescue_and_harm.csv")
     assert each[["scenario", "controller"]].to_numpy().tolist() == [
         [scenario, controller] for controller in ("late", "always") for scenario in ("base", "2obstacles")

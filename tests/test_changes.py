@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from epuckhebb.controller.plasticity.rules.paper import Paper
@@ -48,7 +48,6 @@ def changed(*changes, **more):
 
 
 @pytest.mark.thorough
-@settings(deadline=None, max_examples=40)
 @given(
     times=st.lists(st.floats(0.001, 12), min_size=1, max_size=3, unique=True).map(sorted),
     keys=st.sets(st.sampled_from(list(SAME)), min_size=1),

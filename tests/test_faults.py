@@ -9,7 +9,7 @@ import pytest
 import reference
 
 from epuckhebb.controller.random import Stream, key
-from epuckhebb.tmaze.faults import FAR, SLIPPING, SPELL, Faults, grip, hooks, initial_past
+from epuckhebb.tmaze.faults import FAR, SLIPPING, SPELL, Faults, grip, initial_past, sensor_faults
 from epuckhebb.tmaze.individual import GA_ALONE
 from epuckhebb.tmaze.robot import EPUCK, STEP_S
 from epuckhebb.tmaze.scenario import Scenario
@@ -49,7 +49,7 @@ def test_gain_and_offset_are_of_distance_readings_alone(gain, offset):
     readings = np.linspace(0.0, 1.0, 16)
     expected = np.append(readings[:8], np.clip(gain * readings[8:] + offset, 0, 1))
     wrong = Faults(np.empty(0, int), distance_gain=gain, distance_offset=offset)
-    hooks(EPUCK, more=True).apply_sensor_faults(readings, wrong, initial_past(EPUCK), 0)
+    sensor_faults(EPUCK)(readings, wrong, initial_past(EPUCK), 0)
     np.testing.assert_allclose(readings, expected, rtol=1e-12)
 
 

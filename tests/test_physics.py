@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pymunk
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numba import njit
 
@@ -52,7 +52,6 @@ def commands(fastest):
     return st.lists(st.tuples(wheel, wheel, st.integers(1, 120)), min_size=1, max_size=12)
 
 
-@settings(deadline=None, max_examples=60)
 @given(
     data=st.data(),
     fastest=st.sampled_from([1.0, 4.0, MOTOR_LIMIT]),
@@ -67,7 +66,6 @@ def test_no_command_drives_a_robot_farther_into_a_wall_than_one_step_takes_it(da
         assert least_gap(space.handles, left, right, steps) > -1.05 * one_step
 
 
-@settings(deadline=None, max_examples=40)
 @given(driven=commands(4.0))
 def test_is_bit_identical_to_pymunk_stepping_always_until_two_walls_are_touched_at_once(driven):
     space, plain = PymunkSpace(boxes(T_MAZE, 4), EPUCK), pymunk.Space()

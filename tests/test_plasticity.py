@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from epuckhebb.controller.network import PAPER_NETWORK, Network
@@ -138,7 +138,6 @@ def updated(rule, network, weights, genes, activation, rate, w_max, all_of=None,
     )
 
 
-@settings(deadline=None, max_examples=40)
 @given(
     rule=st.sampled_from(RULES),
     seed=st.integers(0, 2**32 - 1),

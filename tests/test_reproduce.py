@@ -30,8 +30,8 @@ def made(tmp_path_factory):
         patch.chdir(tmp_path_factory.mktemp("reproduce"))
         patch.setattr(reproduction, "figures_of", lambda *_: {})
         result = done(*ALL)
-        (folder,) = (tmp_path_factory.getbasetemp() / "reproduce0" / "runs" / "reproduce").iterdir()
-        yield folder, result
+    (folder,) = (tmp_path_factory.getbasetemp() / "reproduce0" / "runs" / "reproduce").iterdir()
+    return folder, result
 
 
 def test_it_leaves_a_report_and_its_tables(made):

@@ -5,7 +5,7 @@ from typing import get_type_hints
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from epuckhebb.adaptation.adaptation import Adaptation
@@ -72,7 +72,6 @@ def assert_pieces_are_the_whole(individual, scenario, lifetime, pieces):
     assert_bit_identical(run_in_pieces(Session(individual, scenario, lifetime), pieces), whole)
 
 
-@settings(deadline=None, max_examples=40)
 @given(
     controller=st.sampled_from([GA_ALONE, HEBBIAN, NOVEL]),
     changes=st.sampled_from([(), CHANGES]),
@@ -86,14 +85,12 @@ def test_stepping_in_pieces_is_bit_identical(genomes, controller, changes, piece
 
 
 @pytest.mark.thorough
-@settings(deadline=None, max_examples=30)
 @given(rule=st.sampled_from([Oja, BCM, Differential]), pieces=PIECES, side=st.sampled_from(SIDES))
 def test_stepping_in_pieces_is_bit_identical_with_other_rules(genomes, rule, pieces, side):
     individual = individual_of(genomes[0], side, controller=Controller(name="x", rule=rule(N=0.0005)))
     assert_pieces_are_the_whole(individual, Scenario(), SHORT, pieces)
 
 
-@settings(deadline=None, max_examples=10)
 @given(pieces=st.lists(st.integers(0, 900), max_size=6), every=st.sampled_from([1, 7]))
 def test_stepping_through_trials_is_bit_identical(pieces, every):
     """The task ends before the time: the samples after that are padded once."""

@@ -13,11 +13,11 @@ from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.controller.wirings.ctrnn import CTRNN
-from epuckhebb.flock.robot_group import RobotGroup
+from epuckhebb.flock.robot_group import RobotGroup, life_of
 from epuckhebb.store.genome import load_genome
 from epuckhebb.tmaze.batch import run_lifetimes
 from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
-from epuckhebb.tmaze.life import Lifetime, life_of
+from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.light import Lamp, lights
 from epuckhebb.tmaze.maze import T_MAZE, Box, Pose
 from epuckhebb.tmaze.physics.pymunk import COLLISION_SLOP, PYMUNK

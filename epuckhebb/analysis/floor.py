@@ -6,7 +6,6 @@ from itertools import groupby, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter
 
 from epuckhebb.tmaze.maze import Maze, boxes
 from epuckhebb.tmaze.reachable import GRID, reachable
@@ -25,7 +24,10 @@ def floor(maze: Maze, radius: float) -> NDArray[np.float64]:
     """
     walls = boxes(maze)
     axis, middles = reachable(maze, walls, radius)
-    covered = maximum_filter(middles, 2 * math.ceil(radius / GRID) + 1, mode="constant")
+    wide, covered = math.ceil(radius / GRID), middles
+    for _ in range(2):  # along each axis
+        padded = np.pad(covered, ((wide, wide), (0, 0)))
+        covered = np.lib.stride_tricks.sliding_window_view(padded, 2 * wide + 1, axis=0).max(axis=-1).T
     for left, right, bottom, top in walls:
         covered[np.ix_((left < axis) & (axis < right), (bottom < axis) & (axis < top))] = False
     ends = np.diff(np.pad(covered, ((0, 0), (1, 1))).astype(np.int8), axis=1)

@@ -11,6 +11,7 @@ import json
 import math
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,11 @@ from epuckhebb.tmaze.sensors import Place, RimSensors
 
 _MOST_SAMPLES = 1000  # of a lifetime; of more, every so many-th is kept
 _LARGEST = 32767  # of a 16-bit integer
+_APART = (  # what is drawn, or named in the title, and what is no fault
+    *("name", "experiment", "light", "obstacles", "layout", "goals", "lamp", "goal_signal", "lamp_on", "placed"),
+    *("rate", "put", "reset", "changes", "hand", "paper_N", "paper_duration_s"),
+    *("maze", "robot", "task", "fitness", "physics"),
+)
 _CONSTANT = "its weights stay at their initial values"
 _CHANGING = "its weights change during the lifetime"
 _WAYS = ((8, "front"), (31, "front {}"), (68, "{}, ahead"), (112, "{}"), (172, "back {}"), (180, "back"))  # degrees
@@ -176,25 +182,10 @@ def fixed_facts(
 def world_facts(world: Scenario) -> dict[str, Any]:
     """All of a world that can change during a lifetime."""
     lamp = world.lamp
-    dead = world.dead_sensors
     faults = {
-        f"sensor{'s' if len(dead) > 1 else ''} {' and '.join(map(str, dead))} dead": dead,
-        f"left wheel at {100 * world.left_wheel:g} %": world.left_wheel < 1,
-        f"right wheel at {100 * world.right_wheel:g} %": world.right_wheel < 1,
-        f"left wheel slips {100 * world.left_slip:g} % of the time": world.left_slip,
-        f"right wheel slips {100 * world.right_slip:g} % of the time": world.right_slip,
-        f"distance readings times {world.distance_gain:g} plus {world.distance_offset:g}": (
-            world.distance_gain != 1 or world.distance_offset
-        ),
-        f"infra-red on the left times {world.left_distance_gain:g}": world.left_distance_gain != 1,
-        f"cross-talk of {world.crosstalk:g}": world.crosstalk,
-        f"{world.sensor_levels:g} levels a reading": world.sensor_levels,
-        f"readings {world.sensor_delay_steps:g} steps late": world.sensor_delay_steps,
-        f"wheels {world.wheel_delay_steps:g} steps late": world.wheel_delay_steps,
-        f"sun turned by {world.sun_turn_deg:g} degrees": world.sun_turn_deg,
-        "a second lamp": world.second_lamp is not None,
-        f"{world.mass_ratio:g} times as heavy": world.mass_ratio != 1,
-        f"wall friction {world.wall_friction:g}": world.wall_friction,
+        field.name: value
+        for field in fields(world)
+        if field.name not in _APART and (value := getattr(world, field.name)) not in (field.default, [])
     }
     return {
         "obstacles": world.boxes[len(world.maze.walls) :].tolist(),
@@ -208,8 +199,8 @@ def world_facts(world: Scenario) -> dict[str, Any]:
             "beam": lamp.beam_rad,
             "intensity": lamp.intensity,
         },
-        "dead": list(dead),
-        "faults": ", ".join(text for text, is_there in faults.items() if is_there),
+        "dead": list(world.dead_sensors),
+        "faults": change_text(faults),
     }
 
 

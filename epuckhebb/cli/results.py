@@ -24,12 +24,7 @@ _LISTED = 20  # jobs of a study that is not run
 
 def print_evaluation(path: Path, console: Console, metrics: Rows | None = None) -> None:
     """Print the paper's table of a run, and what belongs to it. metrics: its lifetimes; read unless given."""
-    print_metrics(metrics or Run(path).rows("metrics.csv"), console)
-    _print_notes(path, console)
-
-
-def print_metrics(metrics: Rows, console: Console) -> None:
-    """Print the paper's table, a row for each controller and side."""
+    metrics = metrics or Run(path).rows("metrics.csv")
     text = tables.formatted(tables.paper_table(metrics))
     rows = [(*place, *cells.values()) for place, cells in text.items()]
     print_table(console, _title(metrics), ("controller", "side", *tables.ROWS), rows, text=2)
@@ -40,6 +35,7 @@ def print_metrics(metrics: Rows, console: Console) -> None:
     if drove_on:
         of = f"{drove_on} of {len(metrics)} lifetimes"
         print_line(console, f"{of} reached the goal and drove on; success counts at the end.")
+    _print_notes(path, console)
 
 
 def evaluation_in_short(path: Path) -> str:

@@ -43,18 +43,10 @@ class Results(NamedTuple):
 
 
 class Search:
-    """A search in progress.
-
-    log: the results of each generation so far, all that is needed to resume. measures: the fields of an outcome that
-    the optimizer wants to know.
-    """
+    """A search in progress. log: the results of each generation so far. measures: of an outcome, for the optimizer."""
 
     def __init__(self, optimizer: Algorithm, plan: GenomePlan, seed: int, log: Sequence[Results] = ()) -> None:
-        """Start a copy of an optimizer for the genes of a plan, and give it the results that are logged.
-
-        Raises:
-            OptimizerError: the optimizer failed, or asks for other genomes than those that are logged.
-        """
+        """Start a copy of an optimizer for the genes of a plan, and give it the results that are logged."""
         self.log: tuple[Results, ...] = ()
         self._settings, self._plan = optimizer, plan
         self._optimizer = replace(optimizer)  # type: ignore[type-var]  # all are dataclasses
@@ -71,14 +63,13 @@ class Search:
 
     def ask(self) -> Floats:
         """The genomes of the next generation, (individuals, genes)."""
-        self._population = self._genomes("ask", self._do("ask"), self._settings.individuals)
+        most = max(self._settings.population, self._settings.first_generation)
+        self._population = self._genomes("ask", self._do("ask"), most)
         self._digest = hashlib.sha256(self._population.tobytes()).hexdigest()[:16]
         return self._population
 
     def tell(self, fitness: Floats, measures: Mapping[str, Floats]) -> None:
-        """Give the optimizer their results. measures: the values of `measures`, by name."""
-        if any(len(values) != len(self._population) for values in (fitness, *measures.values())):
-            raise ValueError(f"it holds the fitness of {len(fitness)} individuals, not of {len(self._population)}")
+        """Give the optimizer their results; measures by name."""
         given = {_FITNESS: fitness, **measures}
         names = inspect.signature(self._optimizer.tell).parameters
         self._do("tell", **{name: given[name].copy() for name in names})  # which the optimizer may change
@@ -94,25 +85,19 @@ class Search:
 
     def tables(self) -> dict[str, "pd.DataFrame"]:
         """What the optimizer has to show, by name."""
-        given = self._do("tables")
-        names = given if isinstance(given, Mapping) else [given]
-        for name in names:
-            if not (isinstance(name, str) and name.isidentifier() and hasattr(given[name], "to_csv")):
-                raise OptimizerError(
-                    f"optimizer {self._settings.name}: `tables` must return data frames by name, got {name!r}"
-                )
-        return dict(given)
+        tables = self._do("tables")
+        if not isinstance(tables, Mapping) or not all(hasattr(table, "to_csv") for table in tables.values()):
+            raise OptimizerError(f"optimizer {self._settings.name}: `tables` must return data frames by name")
+        return dict(tables)
 
     def _genomes(self, method: str, given: Any, most: float = math.inf) -> Floats:
         """Genomes that a method of the optimizer gave, (rows, genes), as an array of their own."""
-        optimizer, genes = self._settings, self._plan.genes
+        optimizer: Any = self._settings
+        genes = self._plan.genes
         with suppress(TypeError, ValueError):
             genomes = np.array(given, np.float64)
-            limit = (
-                optimizer.limits(self._plan)
-                if isinstance(optimizer, Optimizer) and is_own(type(optimizer))
-                else math.inf
-            )
+            is_limited = isinstance(optimizer, Optimizer) and is_own(type(optimizer))
+            limit = optimizer.limits(self._plan) if is_limited else math.inf
             if genomes.ndim == 2 and 1 <= len(genomes) <= most and genomes.shape[1] == genes:
                 if (np.abs(genomes) <= limit).all() and np.isfinite(genomes).all():
                     return genomes
@@ -131,11 +116,7 @@ class Search:
 
 
 def check_start(optimizer: Algorithm, plan: GenomePlan, seed: int) -> None:
-    """Check that an optimizer starts, and asks for the same genomes when it is started again.
-
-    Raises:
-        OptimizerError: it does not.
-    """
+    """Check that an optimizer starts, and asks for the same genomes when it is started again."""
     first, again = (Search(optimizer, plan, seed).ask() for _ in range(2))
     if not np.array_equal(first, again):
         raise OptimizerError(

@@ -113,16 +113,11 @@ def _rule(controller: Controller) -> dict[str, Any]:
     """The settings of the rule, which must be the paper's without an adaptation."""
     rule = controller.rule
     as_in_paper = rule.sign is Sign.hebbian and rule.initial_weights is InitialWeights.evolved and not rule.N_gain_rad_s
-    if not isinstance(rule, Paper) or not as_in_paper or controller.adaptation.acts:
+    if not isinstance(rule, Paper) or not as_in_paper or rule.carries_history or controller.adaptation.acts:
         raise ConfigError(
             f"controller {controller.name} cannot be taken to Webots: only the paper's rule can, without an "
-            "adaptation, with its own signs, evolved initial weights, and an N that holds at any gain; or none "
-            "(hebbian=none)"
-        )
-    if rule.carries_history:
-        raise ConfigError(
-            "hebbian.carries_history=true cannot be taken to Webots, where each trial is a simulation of its own; give "
-            "hebbian.carries_history=false"
+            "adaptation, with its own signs, evolved initial weights, an N that holds at any gain, and "
+            "hebbian.carries_history=false; or none (hebbian=none)"
         )
     settings = {key: value.name if isinstance(value, Enum) else value for key, value in asdict(rule).items()}
     return {**settings, "history_steps": initial_history(rule).steps}

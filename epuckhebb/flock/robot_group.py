@@ -8,13 +8,16 @@ Robots that never come near one another run bit-identically to robots that are a
 import math
 from collections.abc import Sequence
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.compiling.kernel import compiled
+from epuckhebb.controller.wiring import Neurons
 from epuckhebb.tmaze.individual import Individual
-from epuckhebb.tmaze.life import Group, Lifetime, life_of
-from epuckhebb.tmaze.lifetime import live_group
+from epuckhebb.tmaze.life import Genotype, Life, Lifetime, Setup
 from epuckhebb.tmaze.maze import Pose
 from epuckhebb.tmaze.outcome import Outcome
 from epuckhebb.tmaze.physics.pymunk import MOTION, PYMUNK, PymunkSpace
@@ -25,6 +28,77 @@ from epuckhebb.tmaze.simulator import Simulator
 
 _SHARED = ("side", "controller", "network")  # of an individual: one lamp, one kernel and one rate for all
 _OF_ALL = ("adaptation", "trials", "workspace", "numbers", "history")  # of a `Life`: what they do not have each
+
+
+# The parts of a lifetime; `epuckhebb.tmaze.lifetime_kernel` puts them here.
+_part: Any = None
+decide = settle = to_goal = turn_wheels = move_all = _part
+
+
+class Group(NamedTuple):
+    """What robots in one space carry, first axis of arrays the robots.
+
+    records: a `Life`, in which adaptation, trials and workspace are those of one robot. motion: (robots, 6), the view
+    of the space's state. wheels: (robots, 4) and before: (robots, 2), workspace.
+    """
+
+    records: Life
+    keys: NDArray[np.uint64]
+    motion: Floats
+    wheels: Floats
+    before: Floats
+
+
+@compiled
+def life_of(group: Group, i: int) -> Life:
+    """The lifetime of one robot of a group."""
+    records, genes, neurons = group.records, group.records.genotype, group.records.neurons
+    return Life(
+        Genotype(
+            genes.weights[i],
+            genes.synapse_state[i],
+            genes.coefficients[i],
+            genes.modulatory[i],
+            genes.lengths[i],
+            genes.signs[i],
+            genes.neurons,
+        ),
+        group.keys[i],
+        records.tally[i],
+        records.weights[i],
+        records.synapse_state[i],
+        records.activation[i],
+        records.adaptation,
+        records.trials,
+        records.score[i],
+        Neurons(neurons.state[i], neurons.parameters[i], neurons.numbers, neurons.step_s),
+        records.workspace,
+        records.past[i],
+    )
+
+
+def live_group(group: Group, setup: Setup, space: Any, until: int) -> None:
+    """Run the lifetimes of the robots of a space until before step `until`, or until one is lost. group: updated.
+
+    In a step all robots sense and decide, in their order, before any moves.
+    """
+    motion, wheels, before = group.motion, group.wheels, group.before
+    robots, lost = motion.shape[0], False
+    for step in range(group.records.tally[0][0].step, until):
+        for i in range(robots):
+            life, at = life_of(group, i), Pose(motion[i, 0], motion[i, 1], motion[i, 2])
+            tally, cos, sin = life.tally[0], math.cos(at.heading), math.sin(at.heading)
+            tally.goal_distance = to_goal(setup, at.x, at.y)
+            left, right = decide(life, setup, space, motion, at, cos, sin, step)
+            left, right = turn_wheels(setup.faults, tally, life.past, left, right, setup.gain, life.key, step)
+            wheels[i, 0], wheels[i, 1], wheels[i, 2], wheels[i, 3] = left, right, cos, sin
+            before[i, 0], before[i, 1] = at.x, at.y
+        move_all(space, motion, wheels)
+        for i in range(robots):
+            tally, was = group.records.tally[i][0], Pose(before[i, 0], before[i, 1], 0.0)
+            lost = settle(tally, setup, was, Pose(motion[i, 0], motion[i, 1], motion[i, 2]), step) or lost
+        if lost:
+            break
 
 
 class RobotGroup:

@@ -195,11 +195,11 @@ def evolve_into(
         if kind != "none":
             import pandas as pd  # takes a while to load, as does matplotlib
 
+            from epuckhebb.analysis.image import image
             from epuckhebb.runs import figures
 
-            history = pd.read_csv(io.StringIO(after.history))
-            drawn = figures.file_of("learning", kind, config, config.algorithm.name, history)
-            run.write(f"figures/learning.{kind}", drawn)
+            drawn = figures.learning(config, config.algorithm.name, pd.read_csv(io.StringIO(after.history)))
+            run.write(f"figures/learning.{kind}", image(drawn, kind))
 
 
 def _write_generation(run: RunFolder, state: Checkpoint, prepared: PreparedEvolution) -> None:

@@ -1,7 +1,6 @@
 """What a reader must know beside the table of an evaluation: a line for each note."""
 
 import csv
-from collections.abc import Iterator
 from dataclasses import asdict
 
 from epuckhebb.config import EvaluateConfig, training_world
@@ -17,7 +16,29 @@ def notes_of(genome: Genome, config: EvaluateConfig) -> list[str]:
     """The notes on an evaluation of this genome; `provenance.json`, tables and the replay page have them."""
     rates = [float(one.rule.N) for one in config.controllers if one.name == HEBBIAN]
     notes = [showcase(genome, "" if config.changed else config.scenario.name, rates[0] if rates else 0.0)]
-    return [note for note in [*notes, *_differences(genome, config)] if note]
+    world, fitness = config.world, genome.fitness_function or PAPER_FITNESS.name
+    if genome.experiment and genome.experiment != world.experiment:
+        trained = training_world(config, genome.experiment, world.physics)
+        before, now = _facts(trained), _facts(world)
+        differ = [f"{name} {value} -> {now[name]}" for name, value in before.items() if now[name] != value]
+        same = "" if "light" in " ".join(differ) else f"; the light, {now['light']}, is the same"
+        notes.append(
+            f"This champion was evolved in {trained.name}, of the {trained.experiment} experiment; "
+            f"{config.scenario.name} is of the {world.experiment} experiment. They differ in {', '.join(differ)}{same}."
+        )
+    if genome.optimizer and fitness != world.fitness.name:
+        key = "fitness=paper" if fitness == PAPER_FITNESS.name else f"fitness.function=FILE.py:{fitness}"
+        notes.append(
+            f"This champion was evolved for fitness {fitness}; the fitness shown here is {world.fitness.name}. "
+            f"For that: {key}."
+        )
+    physics = genome.physics or PYMUNK.name
+    if genome.experiment and physics != world.physics.name:
+        notes.append(
+            f"This champion was evolved with physics={physics}, in which its nominal statistics are measured, too; "
+            f"this world has physics={world.physics.name}. See docs/ode.md."
+        )
+    return [note for note in notes if note]
 
 
 def showcase(genome: Genome, scenario: str | None = None, rate: float = 0.0) -> str:
@@ -43,32 +64,6 @@ def showcase(genome: Genome, scenario: str | None = None, rate: float = 0.0) -> 
         return ""
     every_genome = f"genome={REFERENCE}_1,...,{REFERENCE}_{n}"
     return f"A showcase: {pattern}. To run all {n}: epuckhebb evaluate -m {where}{every_genome}"
-
-
-def _differences(genome: Genome, config: EvaluateConfig) -> Iterator[str]:
-    """What differs between a champion's training and this evaluation: the experiment, the fitness, the physics."""
-    world, fitness = config.world, genome.fitness_function or PAPER_FITNESS.name
-    if genome.experiment and genome.experiment != world.experiment:
-        trained = training_world(config, genome.experiment, world.physics)
-        before, now = _facts(trained), _facts(world)
-        differ = [f"{name} {value} -> {now[name]}" for name, value in before.items() if now[name] != value]
-        same = "" if "light" in " ".join(differ) else f"; the light, {now['light']}, is the same"
-        yield (
-            f"This champion was evolved in {trained.name}, of the {trained.experiment} experiment; "
-            f"{config.scenario.name} is of the {world.experiment} experiment. They differ in {', '.join(differ)}{same}."
-        )
-    if genome.optimizer and fitness != world.fitness.name:
-        key = "fitness=paper" if fitness == PAPER_FITNESS.name else f"fitness.function=FILE.py:{fitness}"
-        yield (
-            f"This champion was evolved for fitness {fitness}; the fitness shown here is {world.fitness.name}. "
-            f"For that: {key}."
-        )
-    physics = genome.physics or PYMUNK.name
-    if genome.experiment and physics != world.physics.name:
-        yield (
-            f"This champion was evolved with physics={physics}, in which its nominal statistics are measured, too; "
-            f"this world has physics={world.physics.name}. See docs/ode.md."
-        )
 
 
 def _facts(world: Scenario) -> dict[str, str]:

@@ -10,8 +10,8 @@ import math
 import re
 import shutil
 import traceback
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from secrets import token_hex
@@ -84,27 +84,24 @@ class RunFolder:
         the folder keeps as copies.
         """
         content = provenance(command, arguments) | _own_code(own) | facts
-        try:
+        run = cls(path, None, content)
+        with _one_message(path):
             path.mkdir(parents=True, exist_ok=True)
             if not (path / STATUS).exists():
                 _refuse_foreign(path)
-            (path / STATUS).touch(exist_ok=False)
-        except FileExistsError:
-            raise ConfigError(
-                f"{path} holds a run already; runs are never overwritten, choose another folder"
-            ) from None
-        except OSError as error:
-            raise _cannot_write(path, error) from error
-        run = cls(path, None, content)
-        try:
-            with suppress(BlockingIOError):  # the claim is what counts
-                run._lock = disk.lock(path, _PATIENCE_S)
-            run._begin(content, config, arguments, own)
-        except OSError as error:
-            for name in (STATUS, *run._written):
-                (path / name).unlink(missing_ok=True)
-            release(run._lock)
-            raise _cannot_write(path, error) from error
+            try:
+                (path / STATUS).touch(exist_ok=False)
+            except FileExistsError:
+                raise ConfigError(f"{path} holds a run; runs are never overwritten, choose another folder") from None
+            try:
+                with suppress(BlockingIOError):  # the claim is what counts
+                    run._lock = disk.lock(path, _PATIENCE_S)
+                run._begin(content, config, arguments, own)
+            except OSError:
+                for name in (STATUS, *run._written):
+                    (path / name).unlink(missing_ok=True)
+                release(run._lock)
+                raise
         return run
 
     @classmethod
@@ -123,27 +120,25 @@ class RunFolder:
         content and gets an entry with these facts. The arguments are those of `new`, with `config` None where each
         job has its own.
         """
-        lock, content = None, provenance(command, arguments) | _own_code(own) | facts
-        try:
+        content, before = provenance(command, arguments) | _own_code(own) | facts, Run(path)
+        run = cls(path, None, content)
+        with _one_message(path):
             path.mkdir(parents=True, exist_ok=True)
-            before = Run(path)
             before.check_version()
             _refuse_foreign(path, command)
-            lock = disk.lock(path, _PATIENCE_S)
-            run = cls(path, lock, content)
+            run._lock = disk.lock(path, _PATIENCE_S)
             with suppress(ConfigError):  # nothing can be read where nothing has begun
                 earlier, status = before.provenance, before.status
                 run._started = status.get("started", run._started)
                 run._earlier = dict(status.get("sha256", {}))
                 again = {"started": _now(), "command_line": content["command_line"], **facts, "code": content["code"]}
                 content = {**earlier, "resumed": [*earlier.get("resumed", []), again]}
-            _remove_half_done(path)
-            run._begin(content, config, None, own)
-        except BlockingIOError:
-            raise ConfigError(f"another process is working on {path}; wait for it or stop it") from None
-        except OSError as error:
-            release(lock)
-            raise _cannot_write(path, error) from error
+            try:
+                _remove_half_done(path)
+                run._begin(content, config, None, own)
+            except OSError:
+                release(run._lock)
+                raise
         return run
 
     def write(self, name: str, content: Content) -> None:
@@ -244,8 +239,15 @@ def _own_code(own: Mapping[Path, OwnFile] | None) -> dict[str, Any]:
     return {"own_code": copies} if copies else {}
 
 
-def _cannot_write(path: Path, error: OSError) -> ConfigError:
-    return ConfigError(f"cannot write to {path}: {error.strerror}")
+@contextmanager
+def _one_message(path: Path) -> Iterator[None]:
+    """Say in one message that a folder cannot be written to, or that another process works in it."""
+    try:
+        yield
+    except BlockingIOError:
+        raise ConfigError(f"another process is working on {path}; wait for it or stop it") from None
+    except OSError as error:
+        raise ConfigError(f"cannot write to {path}: {error.strerror}") from error
 
 
 def _refuse_foreign(path: Path, command: str | None = None) -> None:

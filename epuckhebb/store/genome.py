@@ -5,7 +5,6 @@ import json
 import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.adaptation.nominal import Nominal
-from epuckhebb.controller import wirings
 from epuckhebb.controller.genome import WEIGHTS, GenomePlan, Part, plan_of
 from epuckhebb.controller.network import PAPER_NETWORK, Network
 from epuckhebb.controller.wiring import LAYERS, Wiring, recorded_wiring
@@ -210,11 +208,9 @@ def check_wiring(own: str, shape: tuple[int, ...] | Wiring | None, where: object
     """Refuse a genome of another wiring than the settings have. own: its name. where: the genome, for the message."""
     asked = shape.name if isinstance(shape, Wiring) else LAYERS
     if own != asked:
-        ours = own == LAYERS or find_spec(f"{wirings.__name__}.{own}") is not None
-        given = own if ours else f"FILE.py:{own}, with the file in which you wrote it"
         raise ConfigError(
             f"genome={where} is for network.wiring={own}, and the settings have network.wiring={asked}; give "
-            f"network.wiring={given}, or another champion"
+            f"network.wiring={own} (FILE.py:{own} if you wrote it), or another champion"
         )
 
 

@@ -62,8 +62,7 @@ class Run:
         content = bytes_of(self.path / name)
         if self._sha256.get(name, sha256_of(content)) != sha256_of(content):
             raise ConfigError(
-                f"{self.path / name} is not what this run wrote (its SHA-256 differs); put it back as it was, or run "
-                "it again"
+                f"{self.path / name} is not what this run wrote (its SHA-256 differs); put it back, or run it again"
             )
         return content
 
@@ -89,10 +88,8 @@ class Run:
     def rows(self, name: str) -> list[dict[str, Any]]:
         """The rows of a table, None in cells without a value."""
         table = self.table(name).astype(object)
-        return [
-            {str(key): value for key, value in row.items()}
-            for row in table.where(table.notna(), None).to_dict("records")
-        ]
+        rows: list[dict[str, Any]] = table.where(table.notna(), None).to_dict("records")
+        return rows
 
     def has(self, name: str) -> bool:
         """Whether a file is there, or should be: then reading it says that it was lost."""

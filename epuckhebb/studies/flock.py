@@ -185,7 +185,8 @@ class FlockStudy(Study):
     @classmethod
     def shown(cls, run: Run) -> list[Table]:
         """See `Study`."""
-        return [table.only(0, 1, 3, 5, 4) for table in tables.main_tables(run.table("flock.csv"))]
+        shown = [table.only(0, 1, 3, 5, 4) for table in tables.main_tables(run.table("flock.csv"))]
+        return [replace(table, title=f"Cosine of heading to the goal. {table.title}") for table in shown]
 
     @classmethod
     def in_short(cls, run: Run) -> str:

@@ -78,9 +78,9 @@ def load_kernel(
     lifetime = Lifetime(duration_s=duration_s, gain_rad_s=gain, record_every=1)
     first, *again = (run_lifetimes([dummy], world, lifetime)[0] for _ in range(2 if own else 1))
     if again and _content(first) != _content(again[0]):
-        parts = " or ".join(f"{part.KEY} ({part.what()})" for part in own)
+        named = " or ".join(f"{part.KEY} ({part.what()})" for part in own)
         raise ValueError(
-            f"{parts} gives other results when the same lifetime is run again, so no run could be repeated: it draws "
+            f"{named} gives other results when the same lifetime is run again, so no run could be repeated: it draws "
             "random numbers of its own, or remembers earlier lifetimes"
         )
 

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.compiling.kernel import compiled, nothing
+from epuckhebb.controller.compiling.kernel import compiled
 from epuckhebb.controller.random import uniform
 from epuckhebb.tmaze.robot import STEP_S, Robot
 
@@ -79,34 +79,19 @@ def grip(slip: float, key: np.uint64, step: int, wheel: int) -> float:
 _KINDS = {name: type(usual) for name, usual in Faults._field_defaults.items() if name != "lag"}
 
 
-class Hooks(NamedTuple):
-    """The functions of faults that a lifetime calls.
-
-    apply_sensor_faults(readings, faults, past, step): changes the sensor readings. turn_wheels(faults, tally, past,
-    left, right, gain, key, step): the speeds [rad/s] at which the wheels move the robot, for these outputs of the
-    network. past: as `initial_past`, updated.
-    """
-
-    apply_sensor_faults: Callable[..., None]
-    turn_wheels: Callable[..., tuple[float, float]]
-
-
-def hooks(robot: Robot, more: bool) -> Hooks:
-    """The functions for a robot. more: whether it has other faults than dead sensors and weak wheels."""
-    return Hooks(_miscalibrated(robot), _slow_and_slipping) if more else Hooks(nothing, _at_once)
-
-
 @compiled
-def _at_once(
+def turn_at_once(
     faults: Faults, tally: Any, past: Floats, left: float, right: float, gain: float, key: np.uint64, step: int
 ) -> tuple[float, float]:
+    """The speeds [rad/s] at which the wheels move the robot, for these outputs of the network."""
     tally.left_speed = gain * faults.left_wheel * left  # for a kernel with more faults, which may follow
     tally.right_speed = gain * faults.right_wheel * right
     return tally.left_speed, tally.right_speed
 
 
 @cache
-def _miscalibrated(robot: Robot) -> Callable[..., None]:
+def sensor_faults(robot: Robot) -> Callable[..., None]:
+    """The function `apply_sensor_faults(readings, faults, past, step)`, which changes the sensor readings."""
     distances = robot.inputs_of(robot.distance)
     first, count, inputs = distances.start, robot.distance.count, robot.inputs
     on_left = np.array([(place.azimuth + 180.0) % 360.0 > 180.0 for place in robot.distance.places])
@@ -138,9 +123,10 @@ def _miscalibrated(robot: Robot) -> Callable[..., None]:
 
 
 @compiled
-def _slow_and_slipping(
+def turn_with_faults(
     faults: Faults, tally: Any, past: Floats, left: float, right: float, gain: float, key: np.uint64, step: int
 ) -> tuple[float, float]:
+    """As `turn_at_once`, for wheels that may be late, slip and lag. past: as `initial_past`, updated."""
     commands, now = past.shape[1] - 2, past[step % past.shape[0]]
     now[commands], now[commands + 1] = left, right
     if faults.wheel_delay_steps > 0:

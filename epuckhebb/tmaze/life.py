@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.compiling.kernel import compiled
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.weight_change import weight_change_workspace
 from epuckhebb.controller.random import noise_workspace_size
@@ -71,7 +70,7 @@ _Tally = _namedtuple("_Tally", TALLY.names)  # a whole tally is read in the time
 _INITIAL_TALLY = np.zeros(1, TALLY)
 _INITIAL_TALLY["time_to_goal"], _INITIAL_TALLY["change_signal"] = math.nan, math.nan
 _INITIAL_TALLY["need"], _INITIAL_TALLY["scale"] = 1.0, 1.0
-_INITIAL_BYTES = _INITIAL_TALLY.view(np.uint8)  # copied in a tenth of the time: NumPy copies a record field by field
+INITIAL_BYTES = _INITIAL_TALLY.view(np.uint8)  # copied in a tenth of the time: NumPy copies a record field by field
 
 
 @dataclass(kw_only=True)
@@ -163,56 +162,9 @@ class Life(NamedTuple):
     past: Floats
 
 
-def initial_tally() -> NDArray[np.void]:
-    """The tally before the first step."""
-    return _INITIAL_BYTES.copy().view(TALLY)
-
-
 def tally_of(life: Life) -> Any:
     """The numbers of the tally, by name."""
     return _Tally._make(life.tally[0].item())
-
-
-class Group(NamedTuple):
-    """What robots in one space carry, first axis of arrays the robots.
-
-    records: a `Life`, in which adaptation, trials and workspace are those of one robot. motion: (robots, 6), the view
-    of the space's state. wheels: (robots, 4) and before: (robots, 2), workspace.
-    """
-
-    records: Life
-    keys: NDArray[np.uint64]
-    motion: Floats
-    wheels: Floats
-    before: Floats
-
-
-@compiled
-def life_of(group: Group, i: int) -> Life:
-    """The lifetime of one robot of a group."""
-    records, genes, neurons = group.records, group.records.genotype, group.records.neurons
-    return Life(
-        Genotype(
-            genes.weights[i],
-            genes.synapse_state[i],
-            genes.coefficients[i],
-            genes.modulatory[i],
-            genes.lengths[i],
-            genes.signs[i],
-            genes.neurons,
-        ),
-        group.keys[i],
-        records.tally[i],
-        records.weights[i],
-        records.synapse_state[i],
-        records.activation[i],
-        records.adaptation,
-        records.trials,
-        records.score[i],
-        Neurons(neurons.state[i], neurons.parameters[i], neurons.numbers, neurons.step_s),
-        records.workspace,
-        records.past[i],
-    )
 
 
 class Setup(NamedTuple):

@@ -13,7 +13,7 @@ from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled
 from epuckhebb.controller.plasticity.update import StepContext, effective_rate
 from epuckhebb.tmaze import fitness
-from epuckhebb.tmaze.life import Group, Life, Setup, life_of
+from epuckhebb.tmaze.life import Life, Setup
 from epuckhebb.tmaze.maze import Pose, Region
 from epuckhebb.tmaze.physics_engine import Handles, is_lost, pose
 from epuckhebb.tmaze.robot import STEP_S
@@ -27,7 +27,7 @@ _part: Any = None
 OUTPUT, HAS_RULE, HAS_TRIALS, HAS_SCORE, resets = 0, False, False, False, False
 draw_noise = sense = apply_sensor_faults = blind = reward_input = scale = _part  # sense
 forward = nearest = score = open_gate = modulate = learn = record_tilt = _part  # act, score, learn
-explore = turn_wheels = move = move_all = to_goal = end_step = _part  # move
+explore = turn_wheels = move = to_goal = end_step = _part  # move
 
 
 def live(life: Life, setup: Setup, space: Handles, until: int) -> None:
@@ -53,72 +53,6 @@ def live(life: Life, setup: Setup, space: Handles, until: int) -> None:
                 break
             at = pose(space)
             tally.goal_distance = to_goal(setup, at.x, at.y)
-
-
-def live_group(group: Group, setup: Setup, space: Any, until: int) -> None:
-    """Run the lifetimes of the robots of a space until before step `until`, or until one is lost. group: updated.
-
-    In a step all robots sense and decide, in their order, before any moves.
-    """
-    motion, wheels, before = group.motion, group.wheels, group.before
-    robots, lost = motion.shape[0], False
-    for step in range(group.records.tally[0][0].step, until):
-        for i in range(robots):
-            life, at = life_of(group, i), Pose(motion[i, 0], motion[i, 1], motion[i, 2])
-            tally, cos, sin = life.tally[0], math.cos(at.heading), math.sin(at.heading)
-            tally.goal_distance = to_goal(setup, at.x, at.y)
-            left, right = decide(life, setup, space, motion, at, cos, sin, step)
-            left, right = turn_wheels(setup.faults, tally, life.past, left, right, setup.gain, life.key, step)
-            wheels[i, 0], wheels[i, 1], wheels[i, 2], wheels[i, 3] = left, right, cos, sin
-            before[i, 0], before[i, 1] = at.x, at.y
-        move_all(space, motion, wheels)
-        for i in range(robots):
-            tally, was = group.records.tally[i][0], Pose(before[i, 0], before[i, 1], 0.0)
-            lost = settle(tally, setup, was, Pose(motion[i, 0], motion[i, 1], motion[i, 2]), step) or lost
-        if lost:
-            break
-
-
-def look(life: Life, setup: Setup, space: Handles, readings: Floats) -> None:
-    """Fill the inputs that the next step will have: its noise is numbered, so it is the same then."""
-    tally, at = life.tally[0], pose(space)
-    tally.goal_distance = to_goal(setup, at.x, at.y)
-    perceive(life, setup, space, NO_ROBOTS, at, math.cos(at.heading), math.sin(at.heading), tally.step, readings)
-
-
-def settle(tally: Any, setup: Setup, before: Pose, at: Pose, step: int) -> bool:
-    """Count a step that moved the robot to a new pose; returns whether it is lost."""
-    tally.step = step + 1
-    if is_lost(at.x, at.y, at.heading, setup.arena):
-        tally.lost = True
-        return True
-    tally.path_length += math.sqrt((at.x - before.x) * (at.x - before.x) + (at.y - before.y) * (at.y - before.y))
-    tally.goal_distance = to_goal(setup, at.x, at.y)
-    if math.isnan(tally.time_to_goal) and tally.goal_distance < setup.goal_radius:
-        tally.time_to_goal = (step + 1) * STEP_S
-    return False
-
-
-def perceive(
-    life: Life,
-    setup: Setup,
-    space: Handles,
-    robots: Floats,
-    at: Pose,
-    cos: float,
-    sin: float,
-    step: int,
-    readings: Floats,
-) -> None:
-    """Fill the inputs of the network, as sensors and task give them: with noise and faults."""
-    tally, noise = life.tally[0], life.workspace.noise
-    if setup.noise_level > 0.0:
-        draw_noise(life.key, step, noise)
-    goal, workspace = Goal(setup.goal_x, setup.goal_y, tally.goal_distance), life.workspace.senses
-    sense(at.x, at.y, cos, sin, space, setup.lit, noise, setup.noise_level, workspace, readings, goal, robots)
-    apply_sensor_faults(readings, setup.faults, life.past, step)
-    blind(readings, setup.faults.dead_sensors)
-    reward_input(readings, tally.reward)
 
 
 def decide(
@@ -178,6 +112,48 @@ def decide(
 
     left, right = explore(life, setup, left, right)
     return left, right
+
+
+def perceive(
+    life: Life,
+    setup: Setup,
+    space: Handles,
+    robots: Floats,
+    at: Pose,
+    cos: float,
+    sin: float,
+    step: int,
+    readings: Floats,
+) -> None:
+    """Fill the inputs of the network, as sensors and task give them: with noise and faults."""
+    tally, noise = life.tally[0], life.workspace.noise
+    if setup.noise_level > 0.0:
+        draw_noise(life.key, step, noise)
+    goal, workspace = Goal(setup.goal_x, setup.goal_y, tally.goal_distance), life.workspace.senses
+    sense(at.x, at.y, cos, sin, space, setup.lit, noise, setup.noise_level, workspace, readings, goal, robots)
+    apply_sensor_faults(readings, setup.faults, life.past, step)
+    blind(readings, setup.faults.dead_sensors)
+    reward_input(readings, tally.reward)
+
+
+def settle(tally: Any, setup: Setup, before: Pose, at: Pose, step: int) -> bool:
+    """Count a step that moved the robot to a new pose; returns whether it is lost."""
+    tally.step = step + 1
+    if is_lost(at.x, at.y, at.heading, setup.arena):
+        tally.lost = True
+        return True
+    tally.path_length += math.sqrt((at.x - before.x) * (at.x - before.x) + (at.y - before.y) * (at.y - before.y))
+    tally.goal_distance = to_goal(setup, at.x, at.y)
+    if math.isnan(tally.time_to_goal) and tally.goal_distance < setup.goal_radius:
+        tally.time_to_goal = (step + 1) * STEP_S
+    return False
+
+
+def look(life: Life, setup: Setup, space: Handles, readings: Floats) -> None:
+    """Fill the inputs that the next step will have: its noise is numbered, so it is the same then."""
+    tally, at = life.tally[0], pose(space)
+    tally.goal_distance = to_goal(setup, at.x, at.y)
+    perceive(life, setup, space, NO_ROBOTS, at, math.cos(at.heading), math.sin(at.heading), tally.step, readings)
 
 
 @compiled

@@ -3,13 +3,13 @@
 from collections.abc import Callable
 from typing import Any
 
-from epuckhebb.controller.compiling.kernel import compiled, kernel, with_parts
+from epuckhebb.controller.compiling.kernel import compiled, kernel, nothing, with_parts
 from epuckhebb.controller.forward_pass import forward_pass
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.rule import NoRule, Rule
 from epuckhebb.controller.plasticity.update import modulation_of, update_of
 from epuckhebb.controller.random import normal_numbers
-from epuckhebb.tmaze import faults
+from epuckhebb.tmaze.faults import sensor_faults, turn_at_once, turn_with_faults
 from epuckhebb.tmaze.individual import NoAdaptation
 from epuckhebb.tmaze.lifetime import decide, live, perceive, settle
 from epuckhebb.tmaze.own_fitness import PAPER_FITNESS, Fitness, score_of, scored
@@ -34,7 +34,7 @@ def kernel_of(
     fitness: Fitness = PAPER_FITNESS,
     physics: Physics = PYMUNK,
 ) -> Any:
-    """A function of `lifetime.py` (`live`, `live_group` or `look`) with these parts, compiled or from the cache.
+    """`live`, or another page that takes the parts of a lifetime (`look`, `live_group`), compiled or from the cache.
 
     more_faults: whether there are other faults than dead sensors and weak
     wheels. Of task, fitness and adaptation only the functions matter.
@@ -58,7 +58,8 @@ def kernel_of(
         "learn": update_of(rule, network),
         "modulate": modulation_of(rule, network),
         **hooks._asdict(),
-        **faults.hooks(robot, more_faults)._asdict(),
+        "apply_sensor_faults": sensor_faults(robot) if more_faults else nothing,
+        "turn_wheels": turn_with_faults if more_faults else turn_at_once,
         **task.hooks(robot.inputs)._asdict(),
         "move": physics.mover(robot),
         "move_all": mover_of_all(robot),

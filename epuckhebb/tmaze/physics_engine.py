@@ -8,7 +8,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled, nothing
@@ -17,17 +17,9 @@ from epuckhebb.tmaze.maze import Pose
 from epuckhebb.tmaze.robot import Robot
 from epuckhebb.tmaze.sensors import Kernels, SensorGroup, put_rays
 
-
-class Handles(Protocol):
-    """What compiled code needs of a space; each physics adds its own."""
-
-    @property
-    def state(self) -> Floats:
-        """First x, y [m] and heading [rad] of the robot."""
-
-    @property
-    def walls(self) -> Floats:
-        """(boxes, 4) left, right, bottom, top edge [m]."""
+# What compiled code needs of a space: `state`, whose first numbers are x, y [m] and heading [rad] of the robot, and
+# `walls`, (boxes, 4) left, right, bottom and top edge [m]. Each physics adds its own.
+Handles = Any
 
 
 class Space(ABC):

@@ -4,7 +4,6 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import label
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.tmaze.maze import SIDES, Maze, Place, boxes
@@ -45,9 +44,25 @@ def reachable(maze: Maze, walls: Floats, radius: float) -> tuple[Floats, NDArray
     """
     axis = np.arange(-maze.arena_m, maze.arena_m + GRID / 2, GRID)
     free = _gaps(axis, axis, walls) >= radius - SPARE
-    regions, _ = label(free)
-    column, row = np.rint((np.array(maze.start[:2]) + maze.arena_m) / GRID).astype(int)
-    return axis, free & (regions == regions[column, row])
+    start = np.zeros_like(free)
+    start[tuple(np.rint((np.array(maze.start[:2]) + maze.arena_m) / GRID).astype(int))] = True
+    return axis, _flooded(free, start & free)
+
+
+def _flooded(free: NDArray[np.bool_], reached: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """All free cells that straight runs along the axes lead to. scipy.ndimage takes a tenth of a start to load."""
+    size = len(free)
+    lines = [np.arange(size)[:, None], np.arange(size)[None, :]]
+    # A number for each run, which its free cells share with no others.
+    runs = [np.cumsum(~free, axis=axis) + lines[1 - axis] * (size + 1) for axis in (0, 1)]
+    before = 0
+    while reached.sum() > before:
+        before = reached.sum()
+        for run in runs:
+            of_run = np.zeros(run.max() + 1, np.bool_)
+            of_run[run[reached]] = True
+            reached = of_run[run] & free
+    return reached
 
 
 def _gaps(x: Floats, y: Floats, walls: Floats) -> Floats:

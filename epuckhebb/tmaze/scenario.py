@@ -1,8 +1,7 @@
 """A scenario: the world of a lifetime, as the paper varies it, and how that world changes meanwhile."""
 
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,6 @@ from epuckhebb.tmaze.sensors import InputGroup
 from epuckhebb.tmaze.task import Task
 from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
 
-_PARTS = ("task", "fitness", "physics")  # with settings of their own
 EXPERIMENTS = ("light", "obstacles")
 TRAINED = {"light": "highlight", "obstacles": "base"}  # the scenario in which each one's controllers are evolved
 
@@ -111,7 +109,7 @@ class Scenario:
         if not whole or len(set(dead)) < len(dead):
             raise ValueError(
                 f"scenario.dead_sensors must be a list of whole numbers, 0 to {last} for robot {self.robot.name}, each "
-                f"once, for example [0] or [], got {_plain(dead)}"
+                f"once, for example [0] or [], got {dead}"
             )
         if self.goals is not None and set(self.goals) != set(SIDES):
             raise ValueError(f"scenario.goals must have {' and '.join(SIDES)}, got {sorted(self.goals)}")
@@ -201,53 +199,3 @@ class Scenario:
         for _, change in self.events:
             phases.append((step_of(change), phases[-1][1].changed(change)))
         return phases
-
-    def changed_from(self, named: "Scenario", maze: Maze = T_MAZE, robot: Robot = EPUCK) -> str:
-        """What differs from another scenario in this maze with this robot, as overrides; empty if nothing."""
-        words = []
-        if self.maze != named.maze and self.maze == replace(named.maze, start=self.maze.start):
-            x, y, heading = self.maze.start
-            words.append(f"start={x:g}/{y:g}/{math.degrees(heading):g}")
-            maze = replace(maze, start=self.maze.start)
-        for kind, mine, its in (("maze", self.maze, maze), ("robot", self.robot, robot)):
-            if mine != its:
-                words.append(f"{kind}={mine.name}" + (" changed" if mine.name == its.name else ""))
-        for key in _PARTS:
-            part, its_part = getattr(self, key), getattr(named, key)
-            if part != its_part:
-                usual = {setting.name: setting.default for setting in fields(part)}
-                words += [f"{key}={part.name}", *_others(key, part, usual)]
-        for field_ in fields(self):
-            mine, its = getattr(self, field_.name), getattr(named, field_.name)
-            if field_.name in GROUPED:  # a lamp is off where the task demands it
-                taken = {"intensity": mine.intensity} if field_.name == "lamp" and self.task.has_trials else {}
-                words += _others(field_.name, mine, vars(its) | taken)
-            elif field_.name in ("maze", "robot", "name", *_PARTS):
-                continue
-            elif field_.name == "goals" and mine != its:
-                words.append("goals=" + "/".join(f"{side}:{x:g},{y:g}" for side, (x, y) in self.goals_now.items()))
-            elif field_.name == "changes" and mine != its:
-                words += [
-                    " ".join([*(f"{key}={_plain(value)}" for key, value in change.items() if key != "at_s")])
-                    + f" at {change['at_s']:g} s"
-                    for change in mine
-                ]
-            elif field_.name == "hand" and mine != its:
-                words.append(f"{len(mine)} changes by hand")
-            elif mine != its:
-                words.append(f"{field_.name}={_plain(mine)}")
-        return ", ".join(words)
-
-
-def _others(key: str, part: Any, usual: Mapping[str, Any]) -> list[str]:
-    """The settings of a part that are not the usual ones, as overrides."""
-    values = {name: getattr(part, name) for name in usual}
-    return [f"{key}.{name}={_plain(value)}" for name, value in values.items() if value != usual[name]]
-
-
-def _plain(value: object) -> str:
-    if isinstance(value, Mapping):
-        return "{" + " ".join(f"{key}:{_plain(item)}" for key, item in value.items()) + "}"
-    if isinstance(value, list | tuple):
-        return f"[{','.join(map(_plain, value))}]"
-    return f"{value:g}" if isinstance(value, float) else "null" if value is None else str(value)

@@ -27,11 +27,12 @@ from epuckhebb.tmaze import fitness
 from epuckhebb.tmaze.faults import initial_past
 from epuckhebb.tmaze.individual import Controller, Individual
 from epuckhebb.tmaze.life import (
+    INITIAL_BYTES,
+    TALLY,
     Genotype,
     Life,
     Lifetime,
     Setup,
-    initial_tally,
     pad_samples,
     tally_of,
 )
@@ -131,7 +132,7 @@ class Session:
         return Life(
             genotype=genotype,
             key=np.uint64(who.key),
-            tally=initial_tally(),
+            tally=INITIAL_BYTES.copy().view(TALLY),
             weights=weights.copy(),
             synapse_state=kind.synapse_state.copy(),
             activation=activation,

@@ -36,7 +36,12 @@ def kernel_key(values: object) -> str:
 
 def own_code(values: object) -> str:
     """A digest of the users' files that the classes of these values are from, as far as they are known."""
-    return _digest(*sorted(_package_digest(package) for package in _packages(values)))
+    digests = []
+    for package in _packages(values):
+        modules = [(name, module) for name, module in sorted(sys.modules.items()) if name.partition(".")[0] == package]
+        parts = (part for name, module in modules for part in (name.partition(".")[2], *_content(module)))
+        digests.append(_digest(*parts))
+    return _digest(*sorted(digests))
 
 
 def _packages(values: object) -> set[str]:
@@ -55,13 +60,8 @@ def _kinds(values: Any) -> Iterator[type]:
         yield from _kinds(value)
 
 
-def _package_digest(package: str) -> str:
-    """A digest of the sources of a user's files, and of what their modules hold: it may come from a file of data."""
-    modules = [(name, module) for name, module in sorted(sys.modules.items()) if name.partition(".")[0] == package]
-    return _digest(*(part for name, module in modules for part in (name.partition(".")[2], *_content(module))))
-
-
 def _content(module: ModuleType) -> Iterator[str | bytes]:
+    """The source of a module, and what it holds: it may come from a file of data."""
     yield getattr(module.__loader__, "content", b"")
     for name, value in vars(module).items():
         if isinstance(value, np.ndarray):

@@ -245,11 +245,6 @@ def modulatory_weights(rule: type[Rule], genes: Mapping[str, Floats], reward: Re
     return np.concatenate([genes[name], *(sign * weight for weight in of_reward)])
 
 
-def is_alike(rule: type[Rule]) -> bool:
-    """Whether all synapses have the same coefficients."""
-    return all(evolved.per not in ("layer", "synapse", "neuron") for evolved in rule.evolved.values())
-
-
 def is_modulated(rule: type[Rule]) -> bool:
     """Whether a rule has a modulatory neuron."""
     return _modulator(rule) is not None

@@ -24,7 +24,6 @@ from epuckhebb.controller.plasticity.rule import (
     NoRule,
     Rule,
     coefficient_names,
-    is_alike,
     is_modulated,
     receives_reward,
 )
@@ -180,7 +179,8 @@ def update_of(rule: type[Rule], network: Network) -> Update:
         return zero
     rule.check_class()
     names, By = rule.arguments("synapse"), namedtuple_of("By", rule.settings())
-    evolved, alike = coefficient_names(rule), is_alike(rule)
+    evolved = coefficient_names(rule)
+    alike = all(one.per not in ("layer", "synapse", "neuron") for one in rule.evolved.values())  # of all synapses
     how = {
         "correlation": f"room[{CORRELATION}, k]",
         "pre": f"room[{PRE}, k]",

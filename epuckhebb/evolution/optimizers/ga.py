@@ -66,11 +66,6 @@ class GA(Algorithm):
         check(self, self.key)
         check_value("ga.elites", self.elites, Range(0, self.population))
 
-    @property
-    def individuals(self) -> int:
-        """The size of a generation."""
-        return self.population
-
     def schedule(self, training: Training, lifetime: Lifetime) -> Schedule:  # noqa: ARG002  # others need them
         """As set, in any worlds."""
         return Schedule(self.generations, self.loops)

@@ -174,6 +174,23 @@ class PymunkSpace(Space):
 
 
 @compiled
+def _give(space: Handles) -> None:
+    """Give pymunk the motion that is in `state`."""
+    space.state_count[0] = 0
+    _for_each_body(space.space, space.put, space.state_data)
+
+
+@compiled
+def _step(space: Handles) -> None:
+    """Let pymunk apply the forces that are in `push`, step, and fill `state`."""
+    space.push_count[0] = 0
+    _for_each_body(space.space, space.put, space.push_data)
+    _space_step(space.space, STEP_S)
+    space.state_count[0] = 0
+    _for_each_body(space.space, space.get, space.state_data)
+
+
+@compiled
 def put_back(space: Handles, x: float, y: float, heading: float) -> None:
     """Put the robot at a place, at rest, during its lifetime, as `PymunkSpace.place_robot` does before it."""
     state = space.state
@@ -182,8 +199,7 @@ def put_back(space: Handles, x: float, y: float, heading: float) -> None:
     state[_CLEAR_FOR] = 0.0
     _remove_disc(space.space, space.disc)
     _update_position(space.body, 0.0)
-    space.state_count[0] = 0
-    _for_each_body(space.space, space.put, space.state_data)
+    _give(space)
     _add_disc(space.space, space.disc)
 
 
@@ -215,14 +231,9 @@ def mover(robot: Robot) -> Move:
             state[_TURN] = torque * (1.0 / inertia) * STEP_S
             return
         if state[_CLEAR_FOR] >= _CLEAR_STEPS:
-            space.state_count[0] = 0
-            _for_each_body(space.space, space.put, space.state_data)
-        space.push_count[0] = 0
+            _give(space)
         space.push[0], space.push[1], space.push[2] = force * cos, force * sin, torque
-        _for_each_body(space.space, space.put, space.push_data)
-        _space_step(space.space, STEP_S)
-        space.state_count[0] = 0
-        _for_each_body(space.space, space.get, space.state_data)
+        _step(space)
         state[_CLEAR_FOR] = state[_CLEAR_FOR] + 1.0 if clear and state[_CLEAR_FOR] < _CLEAR_STEPS else 0.0
 
     return move
@@ -253,8 +264,7 @@ def mover_of_all(robot: Robot) -> Callable[[Handles, Floats, Floats], None]:
                 clear = clear and to_x * to_x + to_y * to_y >= apart
         easy = clear and state[clear_for] >= _CLEAR_STEPS
         if not easy and state[clear_for] >= _CLEAR_STEPS:
-            space.state_count[0] = 0
-            _for_each_body(space.space, space.put, space.state_data)
+            _give(space)
         for i in range(robots):
             left, right, cos, sin = wheels[i, 0], wheels[i, 1], wheels[i, 2], wheels[i, 3]
             speed = wheel_radius * (left + right) / 2.0
@@ -272,11 +282,7 @@ def mover_of_all(robot: Robot) -> Callable[[Handles, Floats, Floats], None]:
                 space.push[3 * i], space.push[3 * i + 1], space.push[3 * i + 2] = force * cos, force * sin, torque
         if easy:
             return
-        space.push_count[0] = 0
-        _for_each_body(space.space, space.put, space.push_data)
-        _space_step(space.space, STEP_S)
-        space.state_count[0] = 0
-        _for_each_body(space.space, space.get, space.state_data)
+        _step(space)
         state[clear_for] = state[clear_for] + 1.0 if clear and state[clear_for] < _CLEAR_STEPS else 0.0
 
     return move_all
