@@ -16,7 +16,6 @@ from epuckhebb.controller.plasticity.rule import NO_RULE, NoRule, Reward, Rule, 
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.controller.wiring import Wiring
 from epuckhebb.evolution.optimizer import Algorithm
-from epuckhebb.evolution.search import measures_of
 from epuckhebb.runtime import ConfigError
 from epuckhebb.tmaze.individual import CONTROLS, GA, HEBBIAN, Controller
 from epuckhebb.tmaze.lifetime_kernel import check_inputs
@@ -52,10 +51,6 @@ def optimizer_from(settings: Mapping[str, Any], ga: Algorithm | None) -> Algorit
         optimizer: Algorithm = part_from("optimizer", settings, "optimizer")
         if ga is not None:
             raise not_its_settings(str(settings.get("algorithm")))
-        try:
-            measures_of(optimizer)
-        except ValueError as error:
-            raise ConfigError(f"optimizer.algorithm={settings['algorithm']}: {error}") from error
         return optimizer
     useless = [f"optimizer.{name}" for name in settings if name != "algorithm"]
     if useless:
