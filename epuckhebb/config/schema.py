@@ -16,6 +16,7 @@ from omegaconf.errors import OmegaConfBaseException
 from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.config import build
 from epuckhebb.config.errors import explain
+from epuckhebb.config.parts import Layers, part_from
 from epuckhebb.controller.wiring import LAYERS, Wiring
 from epuckhebb.evolution.evolve import evolved_plan
 from epuckhebb.evolution.optimizers.ga import GA
@@ -126,7 +127,8 @@ class WorldConfig(Checked):
         build.check_counts(vars(self))
         self.world = build.scenario_from(self.scenario, self.maze, self.robot, self.task, self.fitness, self.physics)
         self.world.check()
-        self.shape = build.shape_from(self.network)
+        made = part_from("wiring", self.network, "network")
+        self.shape = made.layers if isinstance(made, Layers) else made
         if self.shape is not None:
             build.network_for(self.world, self.shape)
         build.check_wheel_gain(self.lifetime, self.world)
