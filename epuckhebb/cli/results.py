@@ -134,7 +134,8 @@ def print_results(path: Path, console: Console, metrics: Rows | None = None) -> 
     metrics: the lifetimes of an evaluation; read unless given.
     """
     run = Run(path)
-    file = next((file for file in _RESULTS if run.has(file)), None)
+    is_own = run.provenance["command"] == "sweep"  # a job of a user's study, whose tables may have any columns
+    file = next((file for file in _RESULTS if run.has(file) and not is_own), None)
     if (study := study_in(path)) is not None:
         if run.has(study.result):
             _print_study(study, path, console)
