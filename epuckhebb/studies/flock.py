@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import pandas as pd
 
 from epuckhebb.analysis.tables import Table
-from epuckhebb.config import Plain, check_counts, from_values, load, part_class, part_from, part_settings, register
+from epuckhebb.config import MOST_THREADS, Plain, from_values, load, part_class, part_from, part_settings, register
 from epuckhebb.controller.ranges import check as check_ranges
 from epuckhebb.controller.ranges import within
 from epuckhebb.flock import replay, tables
@@ -64,7 +64,7 @@ class Condition(NamedTuple):
 
 @dataclass(kw_only=True)
 class Sweep:
-    """Values of a sweep; see `conf/flock/all.yaml`."""
+    """Values of a sweep; see `conf/flocks.yaml`."""
 
     loudness: list[float] = field(default_factory=list)
     knowers: list[int] = field(default_factory=list)
@@ -103,14 +103,14 @@ class FlockStudy(Study):
 
     command: ClassVar[str] = "flock"
     reference: ClassVar[str] = "flock"
-    seed: int = 1100
-    repeats: int = 20
-    threads: int = 0
+    seed: int = within(0, default=1100)
+    repeats: int = within(1, default=20)
+    threads: int = within(0, MOST_THREADS, default=0)
     flock: FlockKeys = field(default_factory=FlockKeys)
 
     def __post_init__(self) -> None:
         """Validate the settings."""
-        check_counts({"seed": self.seed, "repeats": self.repeats, "threads": self.threads})
+        check_ranges(self)
         self.rows, self.conditions = _rows(self.flock), _conditions(self.flock, self.repeats)
 
     @property

@@ -5,16 +5,14 @@ lifetimes; with `Session` one can watch a robot, or change its world, between tw
 """
 
 import math
-from typing import Any
 
 import numpy as np
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.errors import NotCompiledError, explained
-from epuckhebb.controller.compiling.kernel import compile_error
-from epuckhebb.controller.forward_pass import neuron_of
 from epuckhebb.controller.genome import NEURON, WEIGHTS
-from epuckhebb.controller.network import initial_weights_of
+from epuckhebb.controller.network import Network, initial_weights_of
+from epuckhebb.controller.own_class import OwnClass, is_own
 from epuckhebb.controller.plasticity.rule import (
     INITIAL_RANGE,
     InitialWeights,
@@ -27,7 +25,7 @@ from epuckhebb.controller.random import Stream, rng
 from epuckhebb.controller.wiring import NO_NEURONS, WiringError
 from epuckhebb.tmaze import fitness
 from epuckhebb.tmaze.faults import initial_past
-from epuckhebb.tmaze.individual import Individual
+from epuckhebb.tmaze.individual import Controller, Individual
 from epuckhebb.tmaze.life import (
     INITIAL_BYTES,
     TALLY,
@@ -41,8 +39,8 @@ from epuckhebb.tmaze.life import (
 from epuckhebb.tmaze.lifetime import look
 from epuckhebb.tmaze.maze import Pose, added
 from epuckhebb.tmaze.outcome import Outcome, outcome_of
-from epuckhebb.tmaze.own_fitness import FitnessError, example_arguments, score_of
-from epuckhebb.tmaze.own_sensor import Sensor, own_sensors
+from epuckhebb.tmaze.own_fitness import FitnessError
+from epuckhebb.tmaze.own_sensor import Sensor
 from epuckhebb.tmaze.reachable import gap
 from epuckhebb.tmaze.robot import STEP_S
 from epuckhebb.tmaze.samples import empty_samples
@@ -298,24 +296,9 @@ class Session:
         self.check()
 
     def explained(self, error: Exception) -> NotCompiledError:
-        """Whose fault it is that a kernel does not compile: that of a part that does not compile alone, or the rule."""
-        fitness, life, network = self.world.fitness, self.life, self.individual.network
-        rule, wiring = type(self.individual.controller.rule), network.wiring
-        parts: list[Any] = [
-            (sensor, sensor.read, sensor.kernels(0, 0.0).read, sensor.example(network.inputs))
-            for sensor in own_sensors(self.world.robot.sensors)
-        ]
-        if fitness.step is not None:
-            arguments = example_arguments(fitness, life.tally[0], network.inputs)
-            parts.insert(0, (fitness, fitness.step, score_of(type(fitness)), arguments))
-        if wiring is not None:
-            arguments = 0, 0, np.zeros(network.neurons), life.activation, life.neurons
-            parts.append((wiring, wiring.neuron, neuron_of(wiring), arguments))
-        for part, function, block, arguments in parts:
-            alone = compile_error(block, *arguments)
-            if alone is not None:
-                return explained(f"{part.PART} {part.name}", function, alone, "state" * hasattr(part, "state"))
-        return explained(rule.what(), rule.synapse, error, "synapse_state")
+        """Why the kernel does not compile."""
+        who = self.individual
+        return explained(own_parts(who.controller, who.network, self.world), error)
 
     def check(self) -> None:
         """Check that the lifetime still has finite numbers."""
@@ -342,3 +325,10 @@ class Session:
             )
         if tally.lost or not math.isfinite(tally.behaviour_sum + tally.path_length + tally.goal_distance):
             raise LostRobotError(f"{where} the robot's pose stopped being finite or left the arena {when}")
+
+
+def own_parts(controller: Controller, network: Network, world: Scenario) -> list[type[OwnClass]]:
+    """The classes of a lifetime's parts that are the user's own."""
+    parts = (controller.rule, network.wiring, world.fitness, world.task, world.physics, *world.robot.sensors)
+    kinds = [*map(type, parts), *controller.adaptation.parts]
+    return [kind for kind in kinds if isinstance(kind, type) and issubclass(kind, OwnClass) and is_own(kind)]
