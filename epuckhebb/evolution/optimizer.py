@@ -7,7 +7,7 @@ GA, do as `conf/optimizer/sep_cma_es.yaml` does. An optimizer of the user's is s
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
@@ -22,6 +22,7 @@ from epuckhebb.controller.ranges import within
 from epuckhebb.evolution.training import Training
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.maze import SIDES
+from epuckhebb.tmaze.own_fitness import OF_OUTCOME
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -61,6 +62,11 @@ class Algorithm(OwnClass, ABC):
     start_noise: float = 0.0
     confirm: int = 0
     tell: Callable[..., None]
+
+    @classmethod
+    def known(cls, method: str) -> Collection[str]:  # noqa: ARG003  # it has one
+        """See `OwnClass`."""
+        return "self", "fitness", *OF_OUTCOME
 
     @property
     def first_generation(self) -> int:

@@ -6,6 +6,7 @@ folder of that name is its result. The folder of a sweep is named by its jobs, s
 
 import csv
 import io
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -21,7 +22,7 @@ from epuckhebb.config import (
     Plain,
     alternatives,
     check_words,
-    combinations,
+    configurations,
     from_values,
     swept_values,
 )
@@ -117,7 +118,8 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Plan
     choices = alternatives([*(f"{key}={values}" for key, values in params.items()), *own])
     listed: dict[str, Job] = {}
     identities, cpu_s, again = identity.Identities(), dict[str, float](), 0
-    for overrides, config in combinations("evaluate", named, choices, config_dir, identities.validate_shared):
+    combinations = itertools.product(*choices.values())
+    for overrides, config in configurations("evaluate", named, combinations, config_dir, identities.validate_shared):
         run = identities.of(config)
         steps, in_plane = identities.robot_steps(config)
         cpu_s[run] = _JOB_S + (_STEP_S if in_plane else _STEP_IN_3D_S) * steps

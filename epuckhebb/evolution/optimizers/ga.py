@@ -1,7 +1,7 @@
 """The genetic algorithm of the paper: pure functions of a random generator.
 
-Two presets differ in numbers only (`conf/ga/`): `textbook`, what the paper says, completed by the usual choices, and
-`as_coded`, what its published program does.
+Two presets differ in numbers only (`conf/genetic_algorithms.yaml`): `textbook`, what the paper says, completed by the
+usual choices, and `as_coded`, what its published program does.
 """
 
 from dataclasses import dataclass
