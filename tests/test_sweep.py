@@ -196,7 +196,6 @@ def test_a_failed_job_is_told_of_and_the_others_are_kept(here, monkeypatch):
     assert len(pd.read_csv(folder / "failed.csv")) == 0
     assert (Run(folder).status["state"], "error" in Run(folder).status) == ("finished", False)
     shown = done("show", folder).stdout
-    assert "2 runs" in shown
     assert "95 % interval: noise only, this champion" in shown
     for other in ("rerun", "replay"):
         refused(other, folder)
