@@ -115,14 +115,10 @@ def print_jobs(found: dict[str, Any], console: Console) -> None:
     print_line(console, f"{done} done, {len(listed) - done} to do; nothing was run.")
     if found.get("cpu_s"):
         cores = thread_count()
-        duration = _duration(found["cpu_s"] / min(cores, len(listed) - done))
+        seconds = found["cpu_s"] / min(cores, len(listed) - done)
+        units = (("days", 86400), ("hours", 3600), ("minutes", 60))  # the largest that it has two of
+        duration = next((f"{seconds / size:.0f} {name}" for name, size in units if seconds >= 2 * size), "2 minutes")
         print_line(console, f"About {duration} on the {cores} cores of this machine, if they are free.")
-
-
-def _duration(seconds: float) -> str:
-    """About so long, in the largest unit that it has two of; the start of the workers takes a part of a minute."""
-    units = (("days", 86400), ("hours", 3600), ("minutes", 60))
-    return next((f"{seconds / size:.0f} {name}" for name, size in units if seconds >= 2 * size), "2 minutes")
 
 
 _RESULTS = {  # file of results of a run -> what prints them, and what says them in short

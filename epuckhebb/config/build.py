@@ -7,7 +7,7 @@ from typing import Any
 
 from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.config import hand
-from epuckhebb.config.parts import GENETIC, NONE, PAPER, Layers, part_class, part_from, part_names
+from epuckhebb.config.parts import GENETIC, NONE, PAPER, part_class, part_from, part_names
 from epuckhebb.config.parts_from_yaml import maze_from, robot_from
 from epuckhebb.config.values import part_settings, row
 from epuckhebb.controller.network import HIDDEN, Network
@@ -184,12 +184,6 @@ def check_library(world: Scenario) -> None:
         world.physics.check_library()
     except ValueError as error:
         raise ConfigError(str(error)) from error
-
-
-def shape_from(settings: Mapping[str, Any]) -> Shape:
-    """What a part of the configuration says of the network: `wiring`, and its own settings."""
-    made: Layers | Wiring = part_from("wiring", settings, "network")
-    return made.layers if isinstance(made, Layers) else made
 
 
 def network_for(world: Scenario, shape: Shape) -> Network:

@@ -16,6 +16,7 @@ from omegaconf.errors import OmegaConfBaseException
 from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.config import build
 from epuckhebb.config.errors import explain
+from epuckhebb.config.parts import Layers, part_from
 from epuckhebb.controller.ranges import check, within
 from epuckhebb.controller.wiring import LAYERS, Wiring
 from epuckhebb.evolution.evolve import evolved_plan
@@ -128,7 +129,8 @@ class WorldConfig(Checked):
         check(self)
         self.world = build.scenario_from(self.scenario, self.maze, self.robot, self.task, self.fitness, self.physics)
         self.world.check()
-        self.shape = build.shape_from(self.network)
+        made = part_from("wiring", self.network, "network")
+        self.shape = made.layers if isinstance(made, Layers) else made
         self.wiring = self.shape if isinstance(self.shape, Wiring) else None
         if self.shape is not None:
             build.network_for(self.world, self.shape)
