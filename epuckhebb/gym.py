@@ -18,13 +18,7 @@ from epuckhebb.config import EvolveConfig, check_library, load, quoted
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import kernel
 from epuckhebb.controller.forward_pass import forward_pass
-from epuckhebb.controller.network import (
-    PAPER_NETWORK,
-    WEIGHT_LIMIT,
-    GivenOutputs,
-    Network,
-    initial_weights_of,
-)
+from epuckhebb.controller.network import PAPER_NETWORK, WEIGHT_LIMIT, GivenOutputs, Network, initial_weights_of
 from epuckhebb.controller.plasticity.rule import NoRule
 from epuckhebb.controller.random import Stream, key
 from epuckhebb.runtime import ConfigError
@@ -46,12 +40,8 @@ class TMaze(gymnasium.Env[Floats, Floats]):
     last step if the robot is at its goal; or to its `progress`, how much nearer to the goal it is at the end than at
     the start [m]. An episode terminates at the end of the lifetime.
 
-    scenario: the name of a scenario. reward: one of these. side: `left` (lamp off) or `right`; None for either at
-    random. overrides: more settings as on the command line, for example "fitness.function=FILE.py:NAME". config_dir: a
-    folder with more configuration files.
-
-    Raises:
-        ValueError: a setting cannot be used; the message says why.
+    side: `left` (lamp off) or `right`; None for either at random. overrides: more settings as on the command line, for
+    example "fitness.function=FILE.py:NAME". config_dir: a folder with more configuration files.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  # as Gymnasium has it
@@ -84,23 +74,20 @@ class TMaze(gymnasium.Env[Floats, Floats]):
         options: `side`, and `key`, the number of its sensor noise (`evaluation_key`); both are drawn without them.
         """
         super().reset(seed=seed)
-        given = dict(options or {})
-        side, noise = given.pop("side", self.side), given.pop("key", None)
-        if given:
-            raise ConfigError(f"options of reset are side and key, got {next(iter(given))}")
-        _check_side(side)
-        drawn = SIDES[int(self.np_random.integers(2))], self.np_random.integers(2**63)
+        drawn, number = SIDES[int(self.np_random.integers(2))], self.np_random.integers(2**63)
+        choice = {"side": self.side, "key": number, **(options or {})}
+        _check_side(choice["side"])
         individual = Individual(
             genes=np.zeros(self.network.synapses),
-            side=side or drawn[0],
-            key=np.uint64(drawn[1] if noise is None else noise),
+            side=choice["side"] or drawn,
+            key=np.uint64(choice["key"]),
             network=self.network,
-            task_key=int(drawn[1]),
+            task_key=int(number),
         )
         self.session = Session(individual, self.world, self.lifetime, simulator=self._simulator)
         x, y, _ = self.session.pose
         goal = self.world.goals_now[individual.side]
-        self._given, self._distance = 0.0, float(np.hypot(x - goal.x, y - goal.y))
+        self._rewarded, self._distance = 0.0, float(np.hypot(x - goal.x, y - goal.y))
         return self.session.look(), {"side": individual.side}
 
     def step(self, action: Floats) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
@@ -108,15 +95,12 @@ class TMaze(gymnasium.Env[Floats, Floats]):
         outputs = np.asarray(action, np.float64)
         if outputs.shape != (OUTPUTS,) or not (np.abs(outputs) <= 1.0).all():
             raise ValueError(f"an action must be two numbers from -1 to 1, left and right wheel, got {action!r}")
-        if self.session.is_over:
-            raise ValueError("the episode is over; call reset")
-        life = self.session.life
-        life.weights[:OUTPUTS] = outputs
+        self.session.life.weights[:OUTPUTS] = outputs
         sum_before = self._sum()
         self.session.step()
         is_over = self.session.is_over
-        distance = float(life.tally["goal_distance"][0])
-        info = {"goal_distance": distance, "success": distance < self.world.maze.goal_radius_m}
+        distance = float(self.session.life.tally["goal_distance"][0])
+        info: dict[str, Any] = {"goal_distance": distance, "success": distance < self.world.maze.goal_radius_m}
         if is_over:
             info["outcome"] = self.session.outcome()
         if self.reward == "progress":
@@ -127,8 +111,8 @@ class TMaze(gymnasium.Env[Floats, Floats]):
         else:
             reward = (self._sum() - sum_before) / self.lifetime.steps
             if is_over:
-                reward = info["outcome"].fitness - self._given
-            self._given += reward
+                reward = info["outcome"].fitness - self._rewarded
+            self._rewarded += reward
         return self.session.look(), reward, is_over, False, info
 
     def _sum(self) -> float:
@@ -151,9 +135,10 @@ def evaluation_key(seed: int, repeat: int, side: Side) -> int:
 def policy_from_genome(genes: Floats, network: Network = PAPER_NETWORK) -> Callable[[Floats], Floats]:
     """The function from observation to action that the weights of a champion are: bit-identical to its network.
 
-    genes: (synapses,). network: that of these genes.
+    genes: (synapses,). network: that of these genes, in layers.
     """
-    _check_layers(network)
+    if network.wiring is not None:  # its neurons may remember
+        raise ConfigError(f"a policy has layers, and the network is {network}")
     weights = initial_weights_of(np.asarray(genes, np.float64))
     if weights.shape != (network.synapses,):
         raise ConfigError(f"a network of layers {network} has {network.synapses} weights, got shape {weights.shape}")
@@ -169,12 +154,6 @@ def policy_from_genome(genes: Floats, network: Network = PAPER_NETWORK) -> Calla
     return policy
 
 
-def _check_layers(network: Network) -> None:
-    """Refuse a network whose neurons may remember; a policy is a function of the observation alone."""
-    if network.wiring is not None:
-        raise ConfigError(f"a policy has layers, and the network is {network}")
-
-
 forward = forward_pass(PAPER_NETWORK)
 
 
@@ -186,13 +165,9 @@ def _pass(weights: Floats, activation: Floats, drive: Floats) -> None:
 def genome_from_policy(weights: Sequence[Any], bias: Any, network: Network = PAPER_NETWORK) -> Floats:
     """The genes of a policy that has the layers of a network, tanh after each, and a bias in the first layer alone.
 
-    weights: for each layer of connections an array (postsynaptic, presynaptic) as `torch.nn.Linear.weight` has it.
-    bias: (neurons of the first hidden layer,). network: the paper's 16-7-5-8-4-2, unless given.
-
-    Raises:
-        ValueError: the shapes are others, or a weight lies outside +-2, to which the program would clip it.
+    weights: for each layer of connections an array (postsynaptic, presynaptic) as `torch.nn.Linear.weight` has it, from
+    -2 to 2. bias: (neurons of the first hidden layer,).
     """
-    _check_layers(network)
     layers = [np.asarray(one, np.float64).T for one in weights]
     first = np.asarray(bias, np.float64)
     shapes = [(network.inputs, network.post[0]), *network.shapes[1:]]

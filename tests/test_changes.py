@@ -163,8 +163,8 @@ def test_changes_agree_with_the_oracle(genomes, beside_the_oracle):
     [
         ([{"at_s": 1.0, "maze": "other"}], r"changes\[0\] must have at_s and one or more of light, .* got at_s, maze"),
         ([{"at_s": 1.0}], r"changes\[0\] must have at_s"),
-        ([{"at_s": 0.0, "light": 1.0}], r"changes\[0\].at_s must be more than 0 s, .* got 0.0"),
-        ([{"at_s": 2, "light": 1.0}, {"at_s": 2, "light": 0.5}], r"changes\[1\].at_s must be more than 2 s"),
+        ([{"at_s": 0.0, "light": 1.0}], r"changes\[0\].at_s must be more than 0, got 0.0"),
+        ([{"at_s": 2, "light": 1.0}, {"at_s": 2, "light": 0.5}], r"changes\[1\].at_s must be more than 2"),
         ([{"at_s": 1, "light": -1}], r"changes\[0\]: scenario.light"),
         ([{"at_s": 1, "obstacles": 3}], r"changes\[0\]: scenario.obstacles must be one of 0, 2, 4 .* got 3"),
         ([{"at_s": 1, "lamp": {"brightness": 1}}], r"changes\[0\]: .*brightness"),

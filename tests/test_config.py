@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from epuckhebb.cli.options import with_genomes_named
-from epuckhebb.config.compose import combinations, composed
+from epuckhebb.config.compose import composed, configurations
 from epuckhebb.config.overrides import alternatives
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, typed
 from epuckhebb.runtime import ConfigError
@@ -198,5 +198,7 @@ def test_what_differs_in_training_and_in_the_jobs_of_a_sweep_is_told():
     assert composed("evolve", []).changed == ""
     assert composed("evolve", ["scenario.light=0.5", "lifetime.noise=0"]).changed == "light=0.5, lifetime.noise=0"
     choices = alternatives(["lifetime.duration_s=100,250", "seed=1,2"])
-    told = [config["changed"] for _, config in combinations("evaluate", [], choices, None)]
+    told = [
+        config["changed"] for _, config in configurations("evaluate", [], itertools.product(*choices.values()), None)
+    ]
     assert told == ["lifetime.duration_s=100"] * 2 + [""] * 2

@@ -16,7 +16,7 @@ from epuckhebb.controller.wirings.elman import Elman
 from epuckhebb.evolution.evolve import Generation, history_row
 from epuckhebb.store.disk import arrays_of
 from epuckhebb.store.genome import champion_file, load_genome
-from epuckhebb.store.traces import traces_file
+from epuckhebb.store.traces import traces_arrays
 from epuckhebb.tmaze.physics.ode import Ode
 from epuckhebb.tmaze.samples import empty_samples
 
@@ -68,7 +68,7 @@ def test_every_array_is_described():
     network = Network((16, *Elman().sizes), wiring=Elman())
     one = empty_samples(5, network, Ode())
     traces = Traces(controller=["GA"], side=["left"], samples=type(one)(*(array[None] for array in one)))
-    assert set(arrays_of(traces_file(traces, np.zeros(216), network))) == set(described_columns("traces.npz"))
+    assert set(traces_arrays(traces, np.zeros(216), network)) == set(described_columns("traces.npz"))
     champion = champion_file(load_genome("reference", "obstacles"), 1.0, 1, 2)
     for name in arrays_of(champion):
         assert any(fnmatch(name, described) for described in described_columns("champion.npz")), name

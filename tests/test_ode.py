@@ -196,13 +196,15 @@ def test_a_life_changed_by_hand_is_kept_with_roll_and_pitch_and_repeats(here):
 def test_a_test_world_of_a_study_has_its_own_physics_or_that_of_the_study():
     of_plane, of_ode = [], ["physics=ode"]
     for words, name, physics in (
-        (of_plane, "base_3d", "ode"),
+        (of_plane, "base+3d", "ode"),
         (of_plane, "4obstacles", "pymunk"),
         (of_ode, "4obstacles", "ode"),
-        (of_ode, "base_plane", "pymunk"),
+        (of_ode, "base+plane", "pymunk"),
     ):
         there = prepare_evaluation(load(EvaluateConfig, words)).in_world(world_named(name, None)).config
-        assert there.world.physics.name == load(EvaluateConfig, [f"scenario={name}", *words]).world.physics.name
+        scenario, *changes = name.split("+")
+        alone = load(EvaluateConfig, [f"scenario={scenario}", f"change={changes}", *words])
+        assert there.world.physics.name == alone.world.physics.name
         assert there.world.physics.name == physics
 
 

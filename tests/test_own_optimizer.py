@@ -180,10 +180,10 @@ def bad(here):
     ("words", "texts"),
     [
         (["bad.py:Mute"], ["Can't instantiate abstract class Mute", "ask"]),
-        (["bad.py:Shy"], ["Shy: `ask` must return genomes, an array of 1 to 30 rows with 234 numbers, got None"]),
-        (["bad.py:Greedy"], ["of 1 to 30 rows with 234 numbers; it has 31 rows"]),
-        (["bad.py:Undefined"], ["`ask` must return genomes", "nan or infinite"]),
-        (["bad.py:Wide"], ["within its limit (optimizer.gene_limit is 2); one is 2.5"]),
+        (["bad.py:Shy"], ["Shy: `ask` must return genomes, an array of 1 to 30 rows with 234"]),
+        (["bad.py:Greedy"], ["of 1 to 30 rows with 234", "shape (31, 234)"]),
+        (["bad.py:Undefined"], ["`ask` must return genomes", "nan"]),
+        (["bad.py:Wide"], ["optimizer.gene_limit", "2.5"]),
         (["bad.py:Lucky"], ["Lucky asks for other genomes with the same seed"]),
         (["bad.py:Fine", "optimizer.sigma=-1"], ["bad.py:Fine: sigma must be 0 or more"]),
         (["bad.py:Fine", "ga.population=8"], ["ga and its keys are settings of optimizer=ga"]),
@@ -198,7 +198,7 @@ def test_what_cannot_be_an_optimizer_is_refused_before_anything_runs(words, text
     ("name", "text", "generations"),
     [
         ("Tired", "optimizer Tired: `tell` failed in line 36: KeyError: 'tired'", 1),
-        ("Candid", "Candid: `candidates` must return genomes, rows of 234 numbers, or None, got shape (1, 1)", 0),
+        ("Candid", "Candid: `candidates` must return genomes", 0),
     ],
 )
 def test_what_fails_in_a_run_keeps_its_whole_generations(bad, name, text, generations):

@@ -126,9 +126,10 @@ def test_verbs_take_the_latest_run_that_they_can_use(folder, tmp_path, monkeypat
     result = done("evolve", "resume=latest", "-q")
 
 
-def test_it_is_told_that_robots_came_to_the_goal_and_drove_on(capsys):
+def test_it_is_told_that_robots_came_to_the_goal_and_drove_on(capsys, monkeypatch):
+    monkeypatch.setattr(results, "_print_notes", lambda *_: None)
     same = {**dict.fromkeys(COLUMNS, 0.0), "controller": "GA", "genome": "g", "scenario": "base", "changed": ""}
     lives = (("left", 0, 12.0), ("right", 0, math.nan), ("right", 1, 20.0))
     metrics = [{**same, "side": side, "success": success, "time_to_goal_s": time} for side, success, time in lives]
-    results.print_metrics(metrics, Console(width=200))
+    results.print_evaluation(Path("run"), Console(width=200), metrics)
     assert "1 of 3 lifetimes reached the goal and drove on" in capsys.readouterr().out

@@ -18,8 +18,8 @@ FIGURE = "figures/trajectories.png"
 
 @pytest.fixture
 def run(here):
-    """The folder of the runs of a test."""
-    return here / "run"
+    """The folder of the run of a test, in its current folder."""
+    return (here / "run").relative_to(here)
 
 
 def printed(run):
@@ -81,14 +81,14 @@ def test_an_interrupted_figure_leaves_the_rest(run, monkeypatch):
     assert f"interrupted: {lacks}\n" in stopped.stderr
     assert "Success" in stopped.stdout
     assert Run(run).status["state"] == "interrupted"
-    assert Run(run).error == lacks
+    assert Run(run).status["error"] == lacks
 
 
 def test_an_interrupted_report_names_all_that_is_lacking(run, monkeypatch):
     monkeypatch.setattr(results, "print_results", no_figure(KeyboardInterrupt()))
     stopped = call("evaluate", *QUICK, "hydra.run.dir=run")
     assert stopped.exit_code == 130
-    assert Run(run).error == f"{run} has its tables, and lacks traces.npz and {FIGURE}"
+    assert Run(run).status["error"] == f"{run} has its tables, and lacks traces.npz and {FIGURE}"
 
 
 def test_a_table_that_cannot_be_printed_does_not_end_the_run(run, monkeypatch):

@@ -43,7 +43,7 @@ class Unmoved(Algorithm):
 
     genomes: np.ndarray
     confirm: int = 1
-    individuals = 2
+    population: int = 2
 
     def schedule(self, training, lifetime):
         return Schedule(1, training.loops)

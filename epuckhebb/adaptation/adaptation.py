@@ -145,7 +145,7 @@ class Adaptation(NoAdaptation):
     @property
     def knowledge(self) -> tuple[str, ...]:
         """See `NoAdaptation`."""
-        takes = self.signal.arguments() if self.signal else ()
+        takes = self.signal.arguments("signal") if self.signal else ()
         times = (
             bool({"time_s", "away_s", "arrived"} & {*takes}) and self.threshold < NEVER and not self.is_network_unused
         )
@@ -173,7 +173,7 @@ class Adaptation(NoAdaptation):
                 f"adaptation={self.name} scales the weights between the light sensors and the first layer, and "
                 f"network.wiring={wiring.name} has no layers; give another adaptation, or network.wiring={LAYERS}"
             )
-        if rule.signal == Signal.fitness and self.signal and "fitness" in self.signal.arguments():
+        if rule.signal == Signal.fitness and self.signal and "fitness" in self.signal.arguments("signal"):
             raise ValueError(
                 f"hebbian.signal=fitness does not go with adaptation={self.name}, which needs the nominal statistics "
                 "of the paper's live fitness; give another signal, or another adaptation"

@@ -1,6 +1,6 @@
 """Signals of change: how a robot notices that its world is no longer the one in which it was evolved."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled
-from epuckhebb.controller.own_class import OwnClass, arguments, call_of
+from epuckhebb.controller.own_class import OwnClass, call_of
 from epuckhebb.tmaze.robot import STEP_S
 
 RECENT_S = 5.0  # time constant of recent means
@@ -57,20 +57,14 @@ class ChangeSignal(OwnClass):
     signal: ClassVar[Callable[..., float] | None] = None
 
     @classmethod
-    def arguments(cls) -> tuple[str, ...]:
-        """The names of the arguments of `signal`, in its order; a ValueError if one is unknown."""
-        return arguments(cls.what(), cls.signal, _OF_SIGNAL)
-
-    @classmethod
-    def check_class(cls) -> None:
-        """Check its method `signal`; else a ValueError."""
-        super().check_class()
-        cls.arguments()
+    def known(cls, method: str) -> Collection[str]:  # noqa: ARG003  # it has one
+        """See `OwnClass`."""
+        return _OF_SIGNAL
 
 
 def signal_of(kind: type[ChangeSignal]) -> Callable[..., float]:
     """The function `signal(now, nominal)` of a kernel. now: a `SignalContext`. nominal: a `NominalOfSide`."""
-    function: Callable[..., float] = call_of(kind.signal, kind.arguments(), _OF_SIGNAL, "now, nominal")
+    function: Callable[..., float] = call_of(kind.signal, kind.arguments("signal"), _OF_SIGNAL, "now, nominal")
     return function
 
 

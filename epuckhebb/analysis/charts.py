@@ -179,7 +179,9 @@ def weight_change(
         for (side, samples), marker in zip(sides.items(), ("o", "^"), strict=True):
             look = {"color": SIDE_COLOUR[side], "marker": marker, "s": 9, "alpha": 0.35, "linewidths": 0}
             change = np.abs(np.diff(samples.weights, axis=0)).sum(axis=1)
-            axes.scatter(_readings(samples, against, robot)[1:], change, label=side, **look)
+            lights, distances = (samples.sensors[:, robot.inputs_of(of)] for of in (robot.light, robot.distance))
+            values = {"fitness": samples.fitness, "light": lights.mean(axis=1), "proximity": distances.max(axis=1)}
+            axes.scatter(values[against][1:], change, label=side, **look)
         axes.set(
             title=plain(f"{name} (n = {len(samples.time) - 1} samples a side)"), xlabel=_AGAINST[against], yscale="log"
         )
@@ -197,14 +199,6 @@ _AGAINST = {
     "light": "mean light sensor reading (1 = dark)",
     "proximity": "largest proximity sensor reading (1 = touching)",
 }
-
-
-def _readings(samples: Samples, against: str, robot: Robot) -> NDArray[np.float64]:
-    if against == "fitness":
-        return samples.fitness
-    readings = samples.sensors[:, robot.inputs_of(robot.light if against == "light" else robot.distance)]
-    values: NDArray[np.float64] = readings.mean(axis=1) if against == "light" else readings.max(axis=1)
-    return values
 
 
 def network(

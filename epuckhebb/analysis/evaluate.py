@@ -116,7 +116,7 @@ def evaluate(
             **_metrics(outcome, lifetime),
             "changed": changed,
             "saturated_fraction": outcome.saturated_fraction,
-            **(_of_trials(outcome.trials) if scenario.task.has_trials else {}),
+            **(_rewarded(outcome.trials) if scenario.task.has_trials else {}),
         }
         for (number, side, repeat), (outcome, _) in zip(wanted, outcomes, strict=True)
     ]
@@ -169,7 +169,7 @@ def individuals_for(
     return [individual(number, side, repeat) for number, side, repeat in wanted]
 
 
-def _of_trials(trials: NDArray[np.void]) -> dict[str, Any]:
+def _rewarded(trials: NDArray[np.void]) -> dict[str, Any]:
     switches = np.flatnonzero(np.diff(trials["good"]))
     return {
         "rewarded_share": float(rewarded(trials).mean()),

@@ -173,12 +173,6 @@ def _against_control(own: pd.DataFrame, matched_control: pd.DataFrame) -> dict[s
     return means | {"sign_flip_p": sign_flip(more)}
 
 
-def success_in(worlds: pd.DataFrame) -> pd.DataFrame:
-    """Success in the worlds of each sweep, a column each, of methods; worlds: the rows of an experiment."""
-    summed = worlds.groupby(["method", "tests"], sort=False)[["trials", "successes"]].sum()
-    return (summed.successes / summed.trials).unstack("tests")[worlds.tests.unique()]
-
-
 def readable(own: pd.DataFrame, worlds: pd.DataFrame, costs: pd.DataFrame | None = None) -> Table:
     """The rows of an experiment as a table to read; costs: CPU seconds, for two more columns.
 
@@ -186,8 +180,10 @@ def readable(own: pd.DataFrame, worlds: pd.DataFrame, costs: pd.DataFrame | None
     """
     experiment = str(own.experiment.iloc[0])
     learning = experiment == REVERSAL
-    here = worlds[worlds.experiment == experiment]
-    shares = success_in(here) if here.tests.nunique() > 1 else pd.DataFrame(index=own.method)
+    here, shares = worlds[worlds.experiment == experiment], pd.DataFrame(index=own.method)
+    if here.tests.nunique() > 1:
+        summed = here.groupby(["method", "tests"], sort=False)[["trials", "successes"]].sum()
+        shares = (summed.successes / summed.trials).unstack("tests")[here.tests.unique()]
     apart = [f"in {code(name)}{f', seen by {code(SEEN[name])}' if name in SEEN else ''}" for name in shares]
     headings = ["method", "kind", "learn" if learning else "solves both sides in training"]
     headings += ["rewarded share" if learning else "success over the test worlds", *apart]

@@ -151,10 +151,8 @@ def play(
 
     be_quiet(quiet)
     check_config_dir(config_dir)
-    if side not in ("left", "right"):
-        raise ConfigError(f"--side must be left or right, got {side}")
     words = as_evolved(with_genomes_named(overrides), config_dir)
-    with Play(words, "right" if side == "right" else "left", config_dir, port) as live, suppress(KeyboardInterrupt):
+    with Play(words, side, config_dir, port) as live, suppress(KeyboardInterrupt):
         forward = f"ssh -L {live.server.port}:127.0.0.1:{live.server.port} {socket.gethostname()}"
         remote = f"On your own computer type `{forward}`, then open this address there."
         say(remote if "SSH_CONNECTION" in os.environ else "Ctrl-C ends it.")

@@ -24,12 +24,7 @@ _LISTED = 20  # jobs of a study that is not run
 
 def print_evaluation(path: Path, console: Console, metrics: Rows | None = None) -> None:
     """Print the paper's table of a run, and what belongs to it. metrics: its lifetimes; read unless given."""
-    print_metrics(metrics or Run(path).rows("metrics.csv"), console)
-    _print_notes(path, console)
-
-
-def print_metrics(metrics: Rows, console: Console) -> None:
-    """Print the paper's table, a row for each controller and side."""
+    metrics = metrics or Run(path).rows("metrics.csv")
     text = tables.formatted(tables.paper_table(metrics))
     rows = [(*place, *cells.values()) for place, cells in text.items()]
     print_table(console, _title(metrics), ("controller", "side", *tables.ROWS), rows, text=2)
@@ -40,6 +35,7 @@ def print_metrics(metrics: Rows, console: Console) -> None:
     if drove_on:
         of = f"{drove_on} of {len(metrics)} lifetimes"
         print_line(console, f"{of} reached the goal and drove on; success counts at the end.")
+    _print_notes(path, console)
 
 
 def evaluation_in_short(path: Path) -> str:
@@ -119,14 +115,10 @@ def print_jobs(found: dict[str, Any], console: Console) -> None:
     print_line(console, f"{done} done, {len(listed) - done} to do; nothing was run.")
     if found.get("cpu_s"):
         cores = thread_count()
-        duration = _duration(found["cpu_s"] / min(cores, len(listed) - done))
+        seconds = found["cpu_s"] / min(cores, len(listed) - done)
+        units = (("days", 86400), ("hours", 3600), ("minutes", 60))  # the largest that it has two of
+        duration = next((f"{seconds / size:.0f} {name}" for name, size in units if seconds >= 2 * size), "2 minutes")
         print_line(console, f"About {duration} on the {cores} cores of this machine, if they are free.")
-
-
-def _duration(seconds: float) -> str:
-    """About so long, in the largest unit that it has two of; the start of the workers takes a part of a minute."""
-    units = (("days", 86400), ("hours", 3600), ("minutes", 60))
-    return next((f"{seconds / size:.0f} {name}" for name, size in units if seconds >= 2 * size), "2 minutes")
 
 
 _RESULTS = {  # file of results of a run -> what prints them, and what says them in short
@@ -142,7 +134,8 @@ def print_results(path: Path, console: Console, metrics: Rows | None = None) -> 
     metrics: the lifetimes of an evaluation; read unless given.
     """
     run = Run(path)
-    file = next((file for file in _RESULTS if run.has(file)), None)
+    is_own = run.provenance["command"] == "sweep"  # a job of a user's study, whose tables may have any columns
+    file = next((file for file in _RESULTS if run.has(file) and not is_own), None)
     if (study := study_in(path)) is not None:
         if run.has(study.result):
             _print_study(study, path, console)

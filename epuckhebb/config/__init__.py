@@ -7,14 +7,12 @@ file that knows Hydra, imports `catalogue`, `compose` and `resolve` too. What ca
 
 from epuckhebb.config import hand
 from epuckhebb.config.build import (
-    check_counts,
     check_library,
-    check_wheel_gain,
     controller_of,
     network_for,
     with_controls,
 )
-from epuckhebb.config.compose import combinations, configurations, load, swept_values
+from epuckhebb.config.compose import configurations, load, swept_values
 from epuckhebb.config.errors import explain
 from epuckhebb.config.overrides import (
     SWEEP_DIR,
@@ -40,6 +38,7 @@ from epuckhebb.config.plugins import (
 )
 from epuckhebb.config.resolve import brings_physics, training_world, usual_physics, world_name
 from epuckhebb.config.schema import (
+    MOST_THREADS,
     SCHEMAS,
     Checked,
     Config,

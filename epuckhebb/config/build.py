@@ -7,7 +7,7 @@ from typing import Any
 
 from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.config import hand
-from epuckhebb.config.parts import GENETIC, NONE, PAPER, Layers, part_class, part_from, part_names
+from epuckhebb.config.parts import GENETIC, NONE, PAPER, part_class, part_from, part_names
 from epuckhebb.config.parts_from_yaml import maze_from, robot_from
 from epuckhebb.config.values import part_settings, row
 from epuckhebb.controller.network import HIDDEN, Network
@@ -16,11 +16,8 @@ from epuckhebb.controller.plasticity.rule import NO_RULE, NoRule, Reward, Rule, 
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.controller.wiring import Wiring
 from epuckhebb.evolution.optimizer import Algorithm
-from epuckhebb.evolution.search import measures_of
 from epuckhebb.runtime import ConfigError
-from epuckhebb.tmaze.fitness import Signal, signal_number
 from epuckhebb.tmaze.individual import CONTROLS, GA, HEBBIAN, Controller
-from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.lifetime_kernel import check_inputs
 from epuckhebb.tmaze.maze import SIDES, Maze, Place, Pose, Side
 from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
@@ -31,17 +28,6 @@ from epuckhebb.tmaze.task import Task
 from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
 
 Shape = tuple[int, ...] | Wiring | None  # of a network: its layers, a wiring, or nothing said
-_LEAST = {"seed": 0, "first_seed": 0, "threads": 0, "repeats": 1, "reversal_repeats": 1, "champions": 1}
-_MOST_THREADS = 1024  # more than cores of any machine there is; a system may refuse to start more
-
-
-def check_counts(values: Mapping[str, Any]) -> None:
-    """Refuse numbers that cannot be. values: of keys, other ones among them."""
-    for key, least in _LEAST.items():
-        if key in values and values[key] < least:
-            raise ValueError(f"{key} must be {least} or more, got {values[key]}")
-    if values.get("threads", 0) > _MOST_THREADS:
-        raise ValueError(f"threads must lie between 0 (one for each core) and {_MOST_THREADS}, got {values['threads']}")
 
 
 def rule_from(settings: Mapping[str, Any], key: str) -> Rule:
@@ -65,10 +51,6 @@ def optimizer_from(settings: Mapping[str, Any], ga: Algorithm | None) -> Algorit
         optimizer: Algorithm = part_from("optimizer", settings, "optimizer")
         if ga is not None:
             raise not_its_settings(str(settings.get("algorithm")))
-        try:
-            measures_of(optimizer)
-        except ValueError as error:
-            raise ConfigError(f"optimizer.algorithm={settings['algorithm']}: {error}") from error
         return optimizer
     useless = [f"optimizer.{name}" for name in settings if name != "algorithm"]
     if useless:
@@ -204,12 +186,6 @@ def check_library(world: Scenario) -> None:
         raise ConfigError(str(error)) from error
 
 
-def shape_from(settings: Mapping[str, Any]) -> Shape:
-    """What a part of the configuration says of the network: `wiring`, and its own settings."""
-    made: Layers | Wiring = part_from("wiring", settings, "network")
-    return made.layers if isinstance(made, Layers) else made
-
-
 def network_for(world: Scenario, shape: Shape) -> Network:
     """The network of this shape; without one, the paper's hidden layers between the inputs and the wheels."""
     if isinstance(shape, Wiring):
@@ -221,50 +197,3 @@ def network_for(world: Scenario, shape: Shape) -> Network:
     network = Network((world.inputs, *HIDDEN, OUTPUTS) if shape is None else shape, world.task.gives_reward)
     check_inputs(network, world.robot, world.task)
     return network
-
-
-def check_wheel_gain(lifetime: Lifetime, world: Scenario) -> None:
-    """Refuse a gain that the robot's motors do not reach, too little time, and changes after the end of life."""
-    robot = world.robot
-    world.task.check_time(lifetime.duration_s)
-    if lifetime.gain_rad_s > robot.motor_limit_rad_s:
-        raise ValueError(
-            f"lifetime.gain_rad_s must be more than 0 and at most {robot.motor_limit_rad_s:g}, the fastest of robot "
-            f"{robot.name}, got {lifetime.gain_rad_s}"
-        )
-    for where, change in world.events:
-        if change["at_s"] >= lifetime.duration_s:
-            raise ValueError(
-                f"{where}.at_s must be less than lifetime.duration_s, {lifetime.duration_s:g} s, got {change['at_s']}"
-            )
-
-
-def check_signal(controller: Controller, world: Scenario) -> None:
-    """Refuse a live fitness that this world, its robot or the adaptation leaves no sense."""
-    robot = world.robot
-    signal_number(controller.rule)
-    if controller.rule.signal == Signal.light_code and (robot.light.count, robot.distance.count) != (8, 8):
-        raise ValueError(
-            f"hebbian.signal=light_code reads eight light and eight distance sensors; robot {robot.name} has "
-            f"{robot.light.count} and {robot.distance.count}"
-        )
-    if controller.rule.signal != Signal.fitness:
-        return
-    if world.fitness.step is None:
-        raise ValueError(
-            f"hebbian.signal=fitness needs a fitness with a method `step`, and fitness {world.fitness.name} has none; "
-            "give fitness.function=FILE.py:NAME, or another signal"
-        )
-
-
-def check_task(controller: Controller, task: Task) -> None:
-    """Refuse an adaptation where there is no one goal, and a setting of a reward that the task does not give."""
-    if task.has_trials and controller.adaptation.acts:
-        raise ValueError(
-            f"adaptation={controller.adaptation.name} compares a life with those in the training world, where there is "
-            f"one goal for all of it, and task={task.name} has none; give adaptation=none"
-        )
-    if controller.rule.reward is not Reward.given and not task.gives_reward:
-        raise ValueError(
-            f"hebbian.reward={controller.rule.reward.name} does nothing with task={task.name}, which gives no reward"
-        )

@@ -1,7 +1,6 @@
 """Composes a configuration with Hydra from the files of `conf/` and overrides, once or for many combinations."""
 
 import functools
-import itertools
 import re
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
@@ -44,20 +43,6 @@ def swept_values(overrides: list[str], config_dir: str | None = None) -> dict[st
     check_words("evaluate", overrides)
     params = by_hydra("evaluate", overrides, config_dir).hydra.sweeper.params
     return {str(key): str(values) for key, values in (params or {}).items()}
-
-
-def combinations(
-    command: str,
-    fixed: list[str],
-    choices: dict[str, list[str]],
-    config_dir: str | None,
-    validate_shared: Callable[[Plain, Callable[[], Any]], object] = lambda _values, _load: None,
-) -> Iterator[tuple[list[str], Plain]]:
-    """Every combination of the choices (as from `alternatives`), as overrides and as a configuration of plain values.
-
-    See `configurations`.
-    """
-    return configurations(command, fixed, itertools.product(*choices.values()), config_dir, validate_shared)
 
 
 def configurations(

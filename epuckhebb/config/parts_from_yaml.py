@@ -78,8 +78,4 @@ def _own_sensor(given: object, key: str) -> Sensor:
     known = list(sensor.readings)
     if list(given.get("readings", known)) != known:
         raise ConfigError(f"{key}.readings must be left out, or {known}, got {given['readings']}")
-    try:
-        sensor.check()
-    except Exception as error:  # what a user's own checks may raise has no end
-        raise ConfigError(f"{key}.sensor={given['sensor']}: {error}") from error
     return sensor

@@ -52,11 +52,10 @@ def resolve(
 ) -> None:
     """Complete a configuration as Hydra composed it; it is changed. choices: of each group."""
     with flag_override(cfg, ["struct", "readonly"], [False, False]):
-        _find_own_files(cfg)
-        if "scenario" not in cfg or cfg.get("changed") is not None:
-            return
         try:
-            _resolve(command, cfg, dict(choices), overrides, config_dir)
+            _find_own_files(cfg)
+            if "scenario" in cfg and cfg.get("changed") is None:
+                _resolve(command, cfg, dict(choices), overrides, config_dir)
         except OmegaConfBaseException as error:
             raise ConfigError(explain(error)) from error
 

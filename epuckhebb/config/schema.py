@@ -16,6 +16,8 @@ from omegaconf.errors import OmegaConfBaseException
 from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.config import build
 from epuckhebb.config.errors import explain
+from epuckhebb.config.parts import Layers, part_from
+from epuckhebb.controller.ranges import check, within
 from epuckhebb.controller.wiring import LAYERS, Wiring
 from epuckhebb.evolution.evolve import evolved_plan
 from epuckhebb.evolution.optimizers.ga import GA
@@ -28,6 +30,7 @@ from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
 
+MOST_THREADS = 1024  # more than cores of any machine there is; a system may refuse to start more
 _BRIGHTEST, _FASTEST = 2.0, 0.1  # more light, or a higher base rate, is unusual
 
 
@@ -102,12 +105,12 @@ class Figures(Enum):
 class WorldConfig(Checked):
     """The keys that `evaluate` and `evolve` have in common, and the world that comes of them.
 
-    change: the changes by name while they are composed into the scenario, empty then; the user's have settings.
-    world: the scenario, with its maze and robot. shape: of the network; None if they were left open.
+    change: the changes of the world by name, each with the maze and the physics that it brings. world: the scenario,
+    with its maze and robot. shape: of the network; None if it was left open. wiring: the network's, if it has one.
     """
 
-    seed: int = 1
-    threads: int = 0
+    seed: int = within(0, default=1)
+    threads: int = within(0, MOST_THREADS, default=0)
     figures: Figures = Figures.png
     scenario: ScenarioConfig = field(default_factory=ScenarioConfig)
     change: dict[str, Any] = field(default_factory=dict)
@@ -123,13 +126,15 @@ class WorldConfig(Checked):
 
     def __post_init__(self) -> None:
         """Validate the settings."""
-        build.check_counts(vars(self))
+        check(self)
         self.world = build.scenario_from(self.scenario, self.maze, self.robot, self.task, self.fitness, self.physics)
         self.world.check()
-        self.shape = build.shape_from(self.network)
+        made = part_from("wiring", self.network, "network")
+        self.shape = made.layers if isinstance(made, Layers) else made
+        self.wiring = self.shape if isinstance(self.shape, Wiring) else None
         if self.shape is not None:
             build.network_for(self.world, self.shape)
-        build.check_wheel_gain(self.lifetime, self.world)
+        self.world.check_lifetime(self.lifetime)
 
 
 @dataclass(kw_only=True)
@@ -142,7 +147,7 @@ class EvaluateConfig(WorldConfig):
 
     command: ClassVar[str] = "evaluate"
     genome: str = "reference"
-    repeats: int = 10
+    repeats: int = within(1, default=10)
     adaptation: Adaptation = field(default_factory=Adaptation)
     compare: dict[str, Any] = field(default_factory=dict)  # name -> what differs from the paper's rule
 
@@ -162,10 +167,7 @@ class EvaluateConfig(WorldConfig):
                 f"{', '.join(names)}. Give hebbian.name, adaptation.name or the name below compare another one"
             )
         for controller in self.controllers:
-            build.check_signal(controller, self.world)
-            build.check_task(controller, self.world.task)
-            wiring = self.shape if isinstance(self.shape, Wiring) else None
-            controller.adaptation.check(controller.rule, self.lifetime.duration_s, wiring)
+            controller.check(self.world, self.lifetime.duration_s, self.wiring)
 
 
 @dataclass(kw_only=True)
@@ -189,8 +191,7 @@ class EvolveConfig(WorldConfig):
         if self.scenario.hand is not None:
             raise ValueError(f"scenario.hand={self.scenario.hand} is for `epuckhebb evaluate`; evolve takes changes")
         self.controller = build.controller_from(self.hebbian, Adaptation())
-        build.check_signal(self.controller, self.world)
-        build.check_task(self.controller, self.world.task)
+        self.controller.check(self.world, self.lifetime.duration_s, self.wiring)
         if self.controller.rule.carries_history:
             raise ValueError(
                 "hebbian.carries_history=true is for `epuckhebb evaluate`; in evolution no lifetime follows another: "

@@ -2,7 +2,6 @@
 
 import copy
 import functools
-from collections.abc import Mapping
 from typing import Any, cast
 
 from omegaconf import DictConfig, OmegaConf
@@ -40,21 +39,10 @@ def from_values(values: Plain, schema: type[Config], source: str) -> Config:
     return typed(cfg, schema)
 
 
-def as_config(held: Mapping[Any, Any], command: str) -> DictConfig:
-    """The configuration of a command that these plain values are, all names among them; no text refers to another."""
-    cfg = OmegaConf.merge(_keys_of(SCHEMAS[command]), _literally(dict(held)))
-    assert isinstance(cfg, DictConfig)
-    return cfg
-
-
 def value_as_declared(key: str, value: Any, command: str) -> Any:
-    """A value of a key of a command, of the type that the schema declares: `as_config` without a copy of all keys."""
-    keys = _keys_of(SCHEMAS[command])
-    if key not in keys:  # is refused, with the same message
-        return as_config({key: value}, command)[key]
-    alone = DictConfig({key: keys._get_node(key)})  # a copy of it, with its type
-    alone.merge_with({key: _literally(value)})
-    return alone[key]
+    """A value of a key of a command, of the type that the schema declares."""
+    keys: Any = OmegaConf.merge(_keys_of(SCHEMAS[command]), {key: _literally(value)})
+    return keys[key]
 
 
 @functools.cache

@@ -60,7 +60,7 @@ def neuron_of(wiring: Wiring) -> Callable[..., float]:
     kind = type(wiring)
     evolved = {name: f"neurons.parameters[{row}, j - first]" for row, name in enumerate(kind.evolved)}
     how, given = {**OF_NEURON, **evolved}, "j, first, drive, activation, neurons"
-    made: Callable[..., float] = number_of(kind, kind.neuron, kind.arguments(), how, given, "neurons.numbers")
+    made: Callable[..., float] = number_of(kind, kind.neuron, kind.arguments("neuron"), how, given, "neurons.numbers")
     return made
 
 

@@ -24,6 +24,10 @@ _OURS = Path(__file__).parents[1]
 namedtuple_of: Any = namedtuple  # mypy wants the names of the fields written out
 
 
+class PartError(ValueError):
+    """A part of the user's failed, or gave what it may not give; the message says which, and what it gave."""
+
+
 class OwnClass:
     """A dataclass whose fields are its settings, with functions of which one at least is the user's.
 
@@ -52,11 +56,31 @@ class OwnClass:
         return tuple(float(getattr(self, name)) for name in self.settings())
 
     @classmethod
+    def known(cls, method: str) -> Collection[str] | None:  # noqa: ARG003  # others need it
+        """The names of the arguments that a method may have; None for one whose arguments are fixed."""
+        return None
+
+    @classmethod
+    def arguments(cls, method: str) -> tuple[str, ...]:
+        """The names of the arguments of a method, in its order; a ValueError if one is unknown."""
+        names, known = tuple(inspect.signature(getattr(cls, method)).parameters), cls.known(method)
+        unknown = [name for name in names if known is not None and name not in known]
+        if unknown:
+            raise ValueError(
+                f"{cls.what()}: `{method}` has the unknown arguments {', '.join(unknown)}; known are "
+                + ", ".join(known or ())
+            )
+        return names
+
+    @classmethod
     def check_class(cls) -> None:
         """Check a subclass; else a ValueError."""
         base = base_of(cls)
-        if cls.METHODS and all(getattr(cls, name, None) is getattr(base, name, None) for name in cls.METHODS):
+        given = [name for name in cls.METHODS if getattr(cls, name, None) is not getattr(base, name, None)]
+        if cls.METHODS and not given:
             raise ValueError(f"{cls.what()} needs a method `{'` or `'.join(cls.METHODS)}`")
+        for method in given:
+            cls.arguments(method)
         known = {field.name for field in fields(cast(Any, cls))}
         for name, annotation in inspect.get_annotations(cls).items():
             if name not in known and "ClassVar" not in str(annotation):
@@ -69,7 +93,7 @@ class OwnClass:
 
 
 @contextmanager
-def calling(what: str, error: type[ValueError] = ValueError) -> Iterator[None]:
+def calling(what: str) -> Iterator[None]:
     """Turn whatever a function of the user's raises into an error that names it and the line. what: it, in messages."""
     try:
         yield
@@ -79,7 +103,7 @@ def calling(what: str, error: type[ValueError] = ValueError) -> Iterator[None]:
         frames = traceback.extract_tb(reason.__traceback__)
         lines = [frame.lineno for frame in frames if not Path(frame.filename).is_relative_to(_OURS)]
         where = f" in line {lines[0]}" if lines else ""
-        raise error(f"{what} failed{where}: {type(reason).__name__}: {reason}") from reason
+        raise PartError(f"{what} failed{where}: {type(reason).__name__}: {reason}") from reason
 
 
 def names_in(package: ModuleType) -> list[str]:
@@ -114,18 +138,6 @@ def stored(initial: Mapping[str, float], count: int) -> NDArray[np.void]:
     """The initial state of so many neurons or synapses, records with a field for each name."""
     names, values = list(initial) or ["nothing"], tuple(initial.values()) or (0.0,)
     return np.full(count, np.array(values, [(name, np.float64) for name in names]))
-
-
-def arguments(what: str, function: Any, known: Collection[str]) -> tuple[str, ...]:
-    """The names of the arguments of a static method, in its order; a ValueError if one is not among the known."""
-    names = tuple(inspect.signature(function).parameters)
-    unknown = [name for name in names if name not in known]
-    if unknown:
-        raise ValueError(
-            f"{what}: `{function.__name__}` has the unknown arguments {', '.join(unknown)}; known are "
-            + ", ".join(known)
-        )
-    return names
 
 
 def call_of(function: Any, names: Collection[str], how: Mapping[str, str], given: str, **parts: Any) -> Any:

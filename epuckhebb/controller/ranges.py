@@ -8,6 +8,7 @@ class Lamp:
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from typing import Any
 
@@ -49,15 +50,20 @@ def within(
     return field(default=default, metadata=metadata)
 
 
-def check(instance: Any, prefix: str) -> None:
-    """Check all fields of a dataclass that have a range; else a ValueError. prefix: of its keys.
+def check(instance: Any, prefix: str = "") -> None:
+    """Check all fields of a dataclass that have a range; else a ValueError. prefix: of its keys, if they have one.
 
     The default may lie outside, as inf for never.
     """
-    for one in fields(instance):
-        value = getattr(instance, one.name)
+    check_values(type(instance), {one.name: getattr(instance, one.name) for one in fields(instance)}, prefix)
+
+
+def check_values(kind: Any, values: Mapping[str, Any], prefix: str = "") -> None:
+    """Check those values that the fields of a dataclass give a range; else a ValueError."""
+    for one in fields(kind):
+        value = values.get(one.name, one.default)
         if "range" in one.metadata and value != one.default:
-            check_value(f"{prefix}.{one.name}", value, one.metadata["range"], one.default)
+            check_value(f"{prefix}.{one.name}" if prefix else one.name, value, one.metadata["range"], one.default)
 
 
 def check_value(key: str, value: Any, allowed: Range, default: Any = MISSING) -> None:

@@ -3,7 +3,7 @@
 Layers of tanh neurons, the paper's network, have no wiring (`network`). `forward_pass` makes machine code of one.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any, ClassVar, NamedTuple
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.evolved import Evolved
-from epuckhebb.controller.own_class import OwnClass, arguments, stored
+from epuckhebb.controller.own_class import OwnClass, PartError, stored
 
 MOST_SYNAPSES = 100_000  # more is surely a typing error
 LAYERS = "mlp"  # what a network without a wiring is called
@@ -26,10 +26,6 @@ OF_NEURON = {  # the arguments that `neuron` may have besides its evolved parame
     "by": "by",
 }
 _PER = ("network", "neuron")
-
-
-class WiringError(ValueError):
-    """The neurons of a wiring gave no numbers; the message says which."""
 
 
 class Neurons(NamedTuple):
@@ -93,9 +89,9 @@ class Wiring(OwnClass):
         return step_s
 
     @classmethod
-    def arguments(cls) -> tuple[str, ...]:
-        """The names of the arguments of `neuron`, in its order; a ValueError if one is unknown."""
-        return arguments(cls.what(), cls.neuron, [*OF_NEURON, *cls.evolved])
+    def known(cls, method: str) -> Collection[str]:  # noqa: ARG003  # it has one
+        """See `OwnClass`."""
+        return [*OF_NEURON, *cls.evolved]
 
     @classmethod
     def check_class(cls) -> None:
@@ -107,7 +103,6 @@ class Wiring(OwnClass):
                 raise ValueError(f"{what}: {name} must be Evolved(per=...), one of {', '.join(_PER)}, got {evolved}")
             if name in OF_NEURON:
                 raise ValueError(f"{what}: an evolved parameter cannot be called {name}, which means something else")
-        cls.arguments()
 
     def parameter_sizes(self) -> dict[str, int]:
         """How many genes each evolved parameter takes."""
@@ -121,7 +116,7 @@ class Wiring(OwnClass):
         for row, (name, evolved) in zip(parameters, self.evolved.items(), strict=True):
             value = genes[name] if evolved.value is None else np.asarray(evolved.value(genes[name]))
             if value.shape not in (genes[name].shape, ()) or not np.isfinite(value).all():
-                raise WiringError(
+                raise PartError(
                     f"wiring {self.name}: `value` of {name} must give {genes[name].size} finite numbers, got {value}"
                 )
             row[:] = value

@@ -27,7 +27,6 @@ from epuckhebb.tmaze.batch import run_lifetimes
 from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.maze import SIDES, Pose
-from epuckhebb.tmaze.outcome import Outcome
 from epuckhebb.tmaze.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -73,14 +72,13 @@ def evolve(
 ) -> Iterator[Generation]:
     """Evolve controllers in a scenario; yields one record a generation.
 
-    after: the last record of an unfinished evolution with the same arguments, to resume. training: the worlds in which
-    fitness is measured. network: that of all individuals. controller: with a plasticity rule, individuals learn during
-    evolution, and evolved parameters of the rule are part of the genome. Then all individuals of a generation have the
-    same starts and noise, and the champion is the best of three in fresh lifetimes, with any optimizer. given: the
-    genes of a champion's network, if only the rule is evolved; None to evolve the network, too.
+    after: the last record of an unfinished evolution with the same arguments, to resume. controller: with a plasticity
+    rule, individuals learn during evolution, and evolved parameters of the rule are part of the genome. Then all
+    individuals of a generation have the same starts and noise, and the champion is the best of three in fresh
+    lifetimes, with any optimizer. given: the genes of a champion's network, if only the rule is evolved.
 
     Raises:
-        OptimizerError: the optimizer failed, or asked for what is no genome.
+        PartError: the optimizer failed, or asked for what is no genome.
         LostRobotError: a pose or a weight stopped being finite.
     """
     generations, loops = optimizer.schedule(training, lifetime)
@@ -93,8 +91,7 @@ def evolve(
         given = np.zeros(network.synapses)
     search = Search(optimizer, plan, seed, () if after is None else after.log)
 
-    def whole(genes: Floats) -> Floats:
-        """Whole genomes, (individuals, genes), evolved and fixed parts."""
+    def whole(genes: Floats) -> Floats:  # evolved and given parts
         return genes if given is None else np.hstack([np.tile(given, (len(genes), 1)), genes])
 
     for number in range(0 if after is None else after.number + 1, generations):
@@ -128,10 +125,7 @@ def evolve(
 
 
 def evolved_plan(network: Network, rule: Rule, *, given: bool = False) -> GenomePlan:
-    """The parts of the genome that are evolved: all, or those of the rule alone.
-
-    given: whether the network is given. Random initial weights are not evolved either.
-    """
+    """The parts of the genome that are evolved: all, or those of the rule if the network is given or begins random."""
     plan = plan_of(network, type(rule))
     if not given and rule.initial_weights is InitialWeights.evolved:
         return plan
@@ -139,10 +133,7 @@ def evolved_plan(network: Network, rule: Rule, *, given: bool = False) -> Genome
     if not evolved.parts:
         why = "the weights are given" if given else "the initial weights are random"
         has = "there is no rule" if isinstance(rule, NoRule) else f"rule {name_of(type(rule))} has nothing to evolve"
-        raise ValueError(
-            f"nothing would be evolved: {why}, and {has}; choose another rule, for example hebbian=modulated, or let "
-            "the weights be evolved"
-        )
+        raise ValueError(f"nothing would be evolved: {why}, and {has}; choose another rule, as hebbian=modulated")
     return evolved
 
 
@@ -169,22 +160,19 @@ class _Evaluator(NamedTuple):
         """
         worlds = self.training.worlds(self.scenario, self.lifetime, self.loops, self.seed, generation)
         names = ("success", *measures)
-        found = np.empty((1 + len(names), len(population), self.loops, len(_TRIALS)))
+        results = np.empty((1 + len(names), len(population), self.loops, len(_TRIALS)))
         robot_steps = 0
         for world, together in groupby(range(self.loops), key=worlds.__getitem__):
             loops = list(together)
             individuals = list(self._individuals(population, generation, loops, world))
-            outcomes = [
-                outcome for outcome, _ in run_lifetimes(individuals, world.scenario, world.lifetime, self.threads)
-            ]
-            rows = [(self._fitness(outcome), *(getattr(outcome, name) for name in names)) for outcome in outcomes]
-            found[:, :, loops] = np.array(rows).T.reshape(-1, len(population), len(loops), len(_TRIALS))
+            lifetimes = run_lifetimes(individuals, world.scenario, world.lifetime, self.threads)
+            outcomes = [outcome for outcome, _ in lifetimes]
+            bonus = self.training.success_bonus
+            rows = [(one.fitness + bonus * one.success, *(getattr(one, name) for name in names)) for one in outcomes]
+            results[:, :, loops] = np.array(rows).T.reshape(-1, len(population), len(loops), len(_TRIALS))
             robot_steps += sum(outcome.steps for outcome in outcomes)
-        fitness, success = found[:2].reshape(2, len(population), -1).mean(axis=2)
-        return fitness, success, dict(zip(measures, found[2:], strict=True)), robot_steps
-
-    def _fitness(self, outcome: Outcome) -> float:
-        return outcome.fitness + self.training.success_bonus * outcome.success
+        fitness, success = results[:2].reshape(2, len(population), -1).mean(axis=2)
+        return fitness, success, dict(zip(measures, results[2:], strict=True)), robot_steps
 
     def _individuals(self, population: Floats, generation: int, loops: list[int], world: World) -> Iterator[Individual]:
         """The individuals of these loops of a generation, which share one world: each genome, on either side."""

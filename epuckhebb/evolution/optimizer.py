@@ -7,18 +7,22 @@ GA, do as `conf/optimizer/sep_cma_es.yaml` does. An optimizer of the user's is s
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
+from epuckhebb.controller import random
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.genome import GenomePlan
 from epuckhebb.controller.own_class import OwnClass
+from epuckhebb.controller.random import Stream
 from epuckhebb.controller.ranges import within
 from epuckhebb.evolution.training import Training
 from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.maze import SIDES
+from epuckhebb.tmaze.own_fitness import OF_OUTCOME
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,10 +33,7 @@ CANDIDATES, CONFIRM = 3, 12  # candidates for the champion of learners, and fres
 
 
 class Schedule(NamedTuple):
-    """How long a search is.
-
-    generations: how many. loops: how often an individual runs a lamp-on and a lamp-off lifetime in each.
-    """
+    """How long a search is. loops: how often an individual runs a lamp-on and a lamp-off lifetime in a generation."""
 
     generations: int
     loops: int
@@ -44,12 +45,12 @@ class Algorithm(OwnClass, ABC):
     A search is a copy that is started once (`epuckhebb.evolution.search`). To resume, a new copy is given the same
     results again. So what it asks may depend on the seed and on these results, and on nothing else.
 
-    key: of the settings in the configuration. common_random_numbers: whether all individuals of a generation have the
-    same starts and noise, so that they differ only in their genes. start_noise: how much starts vary in the training
-    world. confirm: least number of fresh lifetimes for each candidate after the last generation; 0 if a single one is
-    taken at its word. tell: a method that receives the results of the last `ask`. Its arguments are any of these names,
-    in any order: `fitness`, (individuals,), larger is better; and fields of `epuckhebb.tmaze.outcome.Outcome`,
-    (individuals, loops, sides), the lamp-on (right) side first.
+    key: of the settings in the configuration. population: most individuals of a generation. common_random_numbers:
+    whether all individuals of a generation have the same starts and noise, so that they differ only in their genes.
+    start_noise: how much starts vary in the training world. confirm: least number of fresh lifetimes for each candidate
+    after the last generation; 0 if a single one is taken at its word. tell: a method that receives the results of the
+    last `ask`. Its arguments are any of these names, in any order: `fitness`, (individuals,), larger is better; and
+    fields of `epuckhebb.tmaze.outcome.Outcome`, (individuals, loops, sides), the lamp-on (right) side first.
     """
 
     PART: ClassVar[str] = "optimizer"
@@ -57,14 +58,20 @@ class Algorithm(OwnClass, ABC):
     METHODS: ClassVar[tuple[str, ...]] = ("tell",)
     key: ClassVar[str] = "optimizer"
     common_random_numbers: ClassVar[bool] = False
+    population: int
     start_noise: float = 0.0
     confirm: int = 0
     tell: Callable[..., None]
 
+    @classmethod
+    def known(cls, method: str) -> Collection[str]:  # noqa: ARG003  # it has one
+        """See `OwnClass`."""
+        return "self", "fitness", *OF_OUTCOME
+
     @property
-    @abstractmethod
-    def individuals(self) -> int:
-        """The size of the largest generation."""
+    def first_generation(self) -> int:
+        """The size of the first generation; of the others it is `population`."""
+        return self.population
 
     @abstractmethod
     def schedule(self, training: Training, lifetime: Lifetime) -> Schedule:
@@ -108,16 +115,6 @@ class Optimizer(Algorithm):
     gene_limit: float = within(0, above=True, default=2.0)
     confirm: int = within(1, default=12)
 
-    @property
-    def first_generation(self) -> int:
-        """The size of the first generation."""
-        return self.population
-
-    @property
-    def individuals(self) -> int:
-        """The size of the largest generation."""
-        return max(self.population, self.first_generation)
-
     def limits(self, plan: GenomePlan) -> Floats:
         """The bound of each gene, (genes,)."""
         return limits(plan, self.gene_limit)
@@ -125,21 +122,16 @@ class Optimizer(Algorithm):
     def schedule(self, training: Training, lifetime: Lifetime) -> Schedule:
         """As set; open settings follow from the training and from the paper's number of robot-steps.
 
-        These are 50 individuals x 30 generations x 3 loops x 2 sides x the steps of a lifetime. The first generation
-        and the confirmation of three candidates are subtracted. The rest is divided by the steps of a generation,
-        population x loops x 2 lifetimes, which last longer on average if the gain varies.
+        The first generation and the confirmation of the candidates are subtracted from it. The rest is divided by the
+        steps of a generation, whose lifetimes last longer on average if the gain varies.
         """
         loops = training.loops if self.loops is None else self.loops
         if self.generations is not None:
             return Schedule(self.generations, loops)
-        round_ = loops * training.lifetimes
+        round_ = loops * len(SIDES)  # lifetimes of an individual in a generation
         confirmation = CANDIDATES * -(-self.confirm // round_) * round_
-        return Schedule(
-            paper_generations(
-                self.first_generation * round_, self.population * round_, confirmation, training.stretch(lifetime)
-            ),
-            loops,
-        )
+        left = _PAPER_LIFETIMES / training.stretch(lifetime) - self.first_generation * round_ - confirmation
+        return Schedule(1 + max(0, math.floor(left / (self.population * round_))), loops)
 
 
 @dataclass(kw_only=True)
@@ -148,7 +140,7 @@ class EvolutionStrategy(Optimizer):
 
     starts: random individuals of the first generation; the fittest is the first mean (a mean of 0 would be a saddle: a
     network of zeros stands still, whatever one of its weights is). sigma: first standard deviation of a gene, in units
-    of its part's start, 1 for weights. The candidates are the last mean and the two fittest of the last generation.
+    of its part's start, 1 for weights. The random generator is seeded anew for each generation.
     """
 
     population: int = within(4, default=30)
@@ -157,29 +149,50 @@ class EvolutionStrategy(Optimizer):
 
     @property
     def first_generation(self) -> int:
-        """The size of the first generation."""
+        """The random individuals."""
         return self.starts
 
+    def start(self, plan: GenomePlan, seed: int) -> None:
+        """Begin a search; genes are in units of their part's start from here on."""
+        starts = np.concatenate([np.full(part.size, part.start) for part in plan.parts])
+        self._plan, self._seed, self._generations = plan, seed, 0
+        self._unit = np.where(starts > 0, starts, 1.0)
+        self._bound = self.limits(plan) / self._unit
 
-def paper_generations(first: int, each: int, last: int, stretch: float) -> int:
-    """How many generations fit into the robot-steps of an evolution of the paper.
+    def ask(self) -> Floats:
+        """First random genomes, then samples around the mean."""
+        rng = random.rng(self._seed, Stream.variation, self._generations)
+        if self._generations == 0:
+            self._population = initial(rng, self.starts, self._plan) / self._unit
+        else:
+            self._population = self._sample(rng)
+        return self._population * self._unit
 
-    first, each, last: lifetimes of the first generation, of each later one, and of the candidates after the last.
-    stretch: mean length of a lifetime over the paper's.
-    """
-    left = _PAPER_LIFETIMES / stretch - first - last
-    return 1 + max(0, math.floor(left / each))
+    def tell(self, fitness: Floats) -> None:
+        """Start at the fittest, or move the mean towards the fitter half."""
+        self._ranked = self._population[np.argsort(-fitness, kind="stable")]
+        if self._generations == 0:
+            self._mean = np.clip(self._ranked[0], -self._bound, self._bound)
+        else:
+            self._mean = self._move(fitness)
+        self._generations += 1
+
+    def candidates(self) -> Floats:
+        """The mean, and the two fittest of the last generation."""
+        return np.array([self._mean, *self._ranked[: CANDIDATES - 1]]) * self._unit
+
+    @abstractmethod
+    def _sample(self, rng: np.random.Generator) -> Floats:
+        """The next generation, (population, genes)."""
+
+    @abstractmethod
+    def _move(self, fitness: Floats) -> Floats:
+        """The mean after this generation, (genes,)."""
 
 
 def initial(rng: np.random.Generator, count: int, plan: GenomePlan) -> Floats:
     """Random genomes: (count, genes), each part uniform in its +-start; weights in [-1, 1]."""
     return np.concatenate([rng.uniform(-part.start, part.start, (count, part.size)) for part in plan.parts], axis=1)
-
-
-def units(plan: GenomePlan) -> Floats:
-    """The scale of each gene, (genes,): the start of its part; 1 where that is 0."""
-    starts = np.concatenate([np.full(part.size, part.start) for part in plan.parts])
-    return np.where(starts > 0, starts, 1.0)
 
 
 def limits(plan: GenomePlan, otherwise: float) -> Floats:

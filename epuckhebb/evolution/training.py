@@ -15,11 +15,9 @@ from epuckhebb.controller import random
 from epuckhebb.controller.random import Stream
 from epuckhebb.controller.ranges import check, within
 from epuckhebb.tmaze.life import Lifetime
-from epuckhebb.tmaze.maze import SIDES
 from epuckhebb.tmaze.scenario import Scenario
 
 FIRST_LAYOUT = 10  # of training; layouts below are for tests
-_SHARES = ("light_share", "obstacles_share", "dead_sensor_share", "wheel_share")
 
 
 class World(NamedTuple):
@@ -65,17 +63,13 @@ class Training:
     @property
     def is_varied(self) -> bool:
         """Whether some loops run in varied worlds."""
-        return self.start_noise > 0 or any(getattr(self, name) > 0 for name in _SHARES)
+        shares = self.light_share, self.obstacles_share, self.dead_sensor_share, self.wheel_share
+        return max(self.start_noise, *shares) > 0
 
     @property
     def loops(self) -> int:
         """The least number of loops with each kind of world."""
         return self.unvaried_loops + 1 if self.is_varied else 1
-
-    @property
-    def lifetimes(self) -> int:
-        """How many lifetimes a loop has: one with the goal on each side."""
-        return len(SIDES)
 
     def stretch(self, lifetime: Lifetime) -> float:
         """The mean length of a training lifetime over that of `lifetime`."""
@@ -89,13 +83,13 @@ class Training:
         """Check that the settings fit this scenario, this lifetime and this number of loops; else a ValueError."""
         if self.is_varied and loops <= self.unvaried_loops:
             raise ValueError(
-                f"training.unvaried_loops must be less than the {loops} loops of a generation, or no world would be "
-                f"varied; got {self.unvaried_loops}"
+                f"training.unvaried_loops must be less than the {loops} loops of a generation, got "
+                f"{self.unvaried_loops}"
             )
         if self.obstacles_share > 0 and not (scenario.maze.niches and any(scenario.maze.obstacle_counts)):
             raise ValueError(
-                f"training.obstacles_share must be 0 in maze {scenario.maze.name}, which has no niches for random "
-                f"obstacles, got {self.obstacles_share}"
+                f"training.obstacles_share must be 0 in maze {scenario.maze.name}, which has no niches for obstacles, "
+                f"got {self.obstacles_share}"
             )
         if self.dead_sensor_share > 0 and scenario.robot.sensor_numbers < 2:
             raise ValueError(
@@ -109,16 +103,16 @@ class Training:
                 f"training.gain_rad_s must be null with task={scenario.task.name}, whose trials last as long at any "
                 f"gain, got {list(self.gain_rad_s)}"
             )
-        most = self.gain_rad_s[1]
+        most, end = self.gain_rad_s[1], self._at_gain(lifetime, self.gain_rad_s[1]).duration_s
         if most > scenario.robot.motor_limit_rad_s:
             raise ValueError(
                 f"training.gain_rad_s must be at most {scenario.robot.motor_limit_rad_s:g}, the fastest of robot "
                 f"{scenario.robot.name}, got {most}"
             )
-        if scenario.changes and scenario.changes[-1]["at_s"] >= self._at_gain(lifetime, most).duration_s:
+        if scenario.changes and scenario.changes[-1]["at_s"] >= end:
             raise ValueError(
-                f"scenario.changes must come before {self._at_gain(lifetime, most).duration_s:g} s, the end of a "
-                f"lifetime at training.gain_rad_s = {most:g}, got {scenario.changes[-1]['at_s']}"
+                f"scenario.changes must come before {end:g} s, the end of a lifetime at training.gain_rad_s={most:g}, "
+                f"got {scenario.changes[-1]['at_s']}"
             )
 
     def worlds(self, scenario: Scenario, lifetime: Lifetime, loops: int, seed: int, generation: int) -> list[World]:

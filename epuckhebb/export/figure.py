@@ -6,7 +6,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from epuckhebb.analysis import charts
-from epuckhebb.analysis.figures import maze
+from epuckhebb.analysis.figures import maze, trajectories
 from epuckhebb.analysis.image import KINDS, MM, image
 from epuckhebb.config import EvaluateConfig, EvolveConfig, from_values, settings, without_own_code
 from epuckhebb.export.replay import recording
@@ -22,7 +22,7 @@ _LEAST_SHARE, _MOST_MM = 0.5, 1000.0  # of a figure's own width, below which its
 
 def _trajectories(run: Run) -> Figure:
     made = recording(run.path)
-    return figures.trajectories(made.config, made.title, made.traces)
+    return trajectories(made.traces, made.config.world, made.title)
 
 
 def _network(run: Run) -> Figure:

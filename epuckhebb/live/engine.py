@@ -3,26 +3,24 @@
 import threading
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from typing import Any
 
 from epuckhebb.live.world import LiveWorld
-from epuckhebb.tmaze.maze import SIDES
 from epuckhebb.tmaze.robot import STEP_S
 
 SPEEDS = (0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 0.0)  # times real time; 0: as fast as it goes
 FRAME_S = 1 / 30
 _AT_MOST = 1000  # steps between two frames, as fast as it goes
 _BEHIND_S = 0.25  # a machine that was busy or asleep catches up with no more than that
-_NEW = ("hebbian", "adaptation", "seed", "side")  # what a new life may have another of
+_NEW = ("hebbian", "adaptation", "seed", "side")  # what may differ in a new life
 
 
 class Engine(threading.Thread):
     """Runs a world as long as somebody watches.
 
-    make: makes a world of what a new life is to have. world: the one that runs now. life: how many there have been.
-    version: changes with whatever pages show besides samples. news: notified when there is something to show; who reads
-    or changes anything holds it. watchers: how many pages watch.
+    make: makes a world of what differs in a new life. world: the one that runs now. life: its number. version: changes
+    with whatever pages show besides samples. news: notified when there is something to show; whoever reads or changes
+    anything holds it. watchers: how many pages watch.
     """
 
     def __init__(self, make: Callable[[dict[str, Any]], LiveWorld]) -> None:
@@ -42,8 +40,7 @@ class Engine(threading.Thread):
             with self.news:
                 if self._advance():
                     self.news.notify_all()
-                pause = FRAME_S if self._runs else None
-                self.news.wait(pause)
+                self.news.wait(FRAME_S if self._runs else None)
 
     @property
     def _runs(self) -> bool:
@@ -74,17 +71,13 @@ class Engine(threading.Thread):
         return done > 0
 
     def do(self, wish: Any) -> dict[str, Any]:
-        """Do what a page wishes, in the thread that serves it; returns the answer.
-
-        Raises:
-            ValueError: it cannot be done; the world goes on as it was.
-        """
+        """Do what a page wishes, in the thread that serves it; returns the answer, or raises a ValueError."""
         match wish:
             case {"do": "change", "values": dict(values)}:
                 return self._change(values)
             case {"do": "play", "value": value}:
                 self._set(is_playing=bool(value))
-            case {"do": "speed", "value": int() | float() as value} if value in SPEEDS and value is not True:
+            case {"do": "speed", "value": value} if value in SPEEDS:
                 self._set(speed=float(value))
             case {"do": "step"}:
                 with self.news:
@@ -96,7 +89,7 @@ class Engine(threading.Thread):
                 with self.news:
                     world, record = self.world, self.world.record()
                 saved = world.save(record)
-                return {"run": str(saved.run), "same": saved.same, "command": saved.command}
+                return {**saved._asdict(), "run": str(saved.run)}
             case _:
                 raise ValueError(f"a page cannot wish {wish!r}")
         return {}
@@ -122,10 +115,6 @@ class Engine(threading.Thread):
 
     def _begin_anew(self, words: dict[str, Any]) -> None:
         """Begin a new life; what it needs is compiled aside, while the old one goes on."""
-        if words.get("side", "left") not in SIDES:
-            raise ValueError(f"side must be one of {', '.join(SIDES)}, got {words['side']!r}")
-        if not all(isinstance(value, str | int) for value in words.values()):
-            raise ValueError("a new life has other words for hebbian, adaptation, seed and side")
         with self.news:
             if self.prepares:
                 raise ValueError("a new life is being prepared already")
@@ -144,8 +133,5 @@ class Engine(threading.Thread):
 
     def end(self) -> None:
         """End, and let those who watch end."""
-        with self.news:
-            self.has_ended = True
-            self.news.notify_all()
-        with suppress(RuntimeError):  # it has not begun
-            self.join(5)
+        self._set(has_ended=True)
+        self.join(5)

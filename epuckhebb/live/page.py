@@ -2,7 +2,7 @@
 
 import json
 import struct
-from functools import cache
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,6 @@ _MOST = 2048  # steps in a frame; who is behind gets more frames
 _FRAMES = "http://localhost:* http://127.0.0.1:*"  # where the page may be in a frame: a notebook of this machine
 
 
-@cache
 def page() -> tuple[bytes, str]:
     """The page, and the policy that goes with it: it runs nothing but its own script, and asks nobody but us."""
     text, style, script = filled(Path(__file__).with_name("play.html"))
@@ -48,7 +47,7 @@ def facts(engine: Engine) -> dict[str, Any]:
         "N": float(world.controllers[-1].rule.N),
         "arena": scenario.maze.arena_m,
         "mostBlocks": MOST_BLOCKS,
-        "title": world.title,
+        "title": f"{world.config.world.name} · genome {world.genome.name} · seed {world.config.seed}",
         "speeds": list(SPEEDS),
         "seed": world.config.seed,
         "hasSignal": any(controller.adaptation.is_gated for controller in world.controllers),
@@ -84,10 +83,7 @@ def state(engine: Engine) -> dict[str, Any]:
 
 
 def samples(world: LiveWorld, since: int) -> tuple[bytes, int]:
-    """What was recorded of all robots from a step on, at most some thousand steps; and up to which.
-
-    It begins later where the first of these samples are not kept any more. A robot whose trials are over stays as it
-    was.
+    """What was recorded of all robots from a step on, as far as it is still kept; and up to which step.
 
     Three whole numbers come first: the first step, how many, and how many samples of weights. Then, for each robot,
     the rows of 32-bit numbers (pose, inputs, activations of a wiring, motors, fitness, change signal, rate, weight
@@ -124,34 +120,25 @@ def frame(kind: int, payload: bytes) -> bytes:
     return struct.pack("<II", len(payload), kind) + payload
 
 
-class View:
-    """What one page has received; it receives what is new, and never waits for another page."""
+def stream(engine: Engine, patience_s: float) -> Iterator[bytes]:
+    """Frames of what is new for one page, or that nothing is after so long [s], until the world ends."""
+    life, version, sent = -1, -1, 0
 
-    def __init__(self, engine: Engine) -> None:
-        self._engine = engine
-        self._life, self._version, self._sent = -1, -1, 0
+    def is_news() -> bool:
+        return engine.has_ended or (engine.life, engine.version, engine.world.steps) != (life, version, sent)
 
-    def news(self, patience_s: float) -> bytes:
-        """Frames of what is new, or that nothing is after so long [s]; nothing at all when the world has ended."""
-        engine = self._engine
+    while True:
         with engine.news:
-            seen = self._life, self._version, self._sent
-            engine.news.wait_for(
-                lambda: engine.has_ended or (engine.life, engine.version, engine.world.steps) != seen, patience_s
-            )
+            engine.news.wait_for(is_news, patience_s)
             if engine.has_ended:
-                return b""
-            news: dict[str, Any] = {}
-            if engine.life != self._life:
-                self._life, self._version, self._sent = engine.life, -1, 0
-                news = facts(engine)
+                return
             frames = []
-            if engine.version != self._version:
-                self._version = engine.version
-                news |= state(engine)
-            if news:
+            if (engine.life, engine.version) != (life, version):
+                news = {**(facts(engine) if engine.life != life else {}), **state(engine)}
                 frames.append(frame(WORLD, json.dumps(news, allow_nan=False).encode()))
-            if self._sent < engine.world.steps:
-                content, self._sent = samples(engine.world, self._sent)
+                sent = sent if engine.life == life else 0
+                life, version = engine.life, engine.version
+            if sent < engine.world.steps:
+                content, sent = samples(engine.world, sent)
                 frames.append(frame(SAMPLES, content))
-        return b"".join(frames) or frame(NOTHING, b"")
+        yield b"".join(frames) or frame(NOTHING, b"")

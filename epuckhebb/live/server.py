@@ -1,8 +1,7 @@
 """The server of `epuckhebb play`: one page, a stream of what is new, and one address for all that a page wishes.
 
-It listens on this machine alone. Everything but the page needs a secret in a header of its own: no other site can set
-it without asking first, and nobody answers. The host must be ours, so no name can be bound to us anew. The secret is
-behind the `#` of the address, which browsers send nowhere.
+It listens on this machine alone. Everything but the page needs a secret in a header of its own, which is behind the `#`
+of the address: browsers send that nowhere. The host must be ours, so no name can be bound to us anew.
 """
 
 import errno
@@ -24,7 +23,7 @@ from epuckhebb.live import page
 from epuckhebb.live.engine import Engine
 from epuckhebb.live.world import LiveWorld
 from epuckhebb.runtime import ConfigError
-from epuckhebb.tmaze.maze import Side
+from epuckhebb.tmaze.maze import SIDES, Side
 
 PORT = 8470
 _PORTS = 50  # that are tried, one after the other
@@ -41,30 +40,14 @@ _HEADERS = {
 
 
 class Server(ThreadingHTTPServer):
-    """Serves the page of one engine.
+    """Serves the page of one engine to whoever knows its secret; an OSError if the port is taken."""
 
-    address: for the browser, with the secret.
-
-    Raises:
-        OSError: the port is taken.
-    """
-
-    daemon_threads = True
     allow_reuse_address = os.name != "nt"  # there it would let two programs share a port
 
     def __init__(self, engine: Engine, port: int) -> None:
         self.engine, self.secret = engine, secrets.token_urlsafe(24)
         super().__init__(("127.0.0.1", port), _Handler)
-
-    @property
-    def port(self) -> int:
-        """Where it listens."""
-        return int(self.server_address[1])
-
-    @property
-    def address(self) -> str:
-        """The address of the page."""
-        return f"http://127.0.0.1:{self.port}/#{self.secret}"
+        self.port = int(self.server_address[1])  # the one that was free, if `port` is 0
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Say nothing of a page that has gone; everything else is a mistake of ours."""
@@ -88,25 +71,21 @@ class _Handler(BaseHTTPRequestHandler):
         if self.path == "/":
             if self._is_allowed(from_page=False):
                 text, policy = page.page()
-                self._send(text, "text/html; charset=utf-8", {"Content-Security-Policy": policy})
+                self._send(text, "text/html; charset=utf-8", policy)
         elif self.path == "/stream":
             if self._is_allowed():
                 self._stream()
         else:
-            self._refuse(HTTPStatus.NOT_FOUND)
+            self.send_error(HTTPStatus.NOT_FOUND)
 
     def do_POST(self) -> None:
         """Do what a page wishes."""
-        if not self._is_allowed():
-            return
         length = self.headers.get("Content-Length", "")
         if self.path != "/do":
-            self._refuse(HTTPStatus.NOT_FOUND)
-        elif not (length.isascii() and length.isdecimal() and "Transfer-Encoding" not in self.headers):
-            self._refuse(HTTPStatus.LENGTH_REQUIRED)
-        elif len(length) > 9 or int(length) > _LARGEST:
-            self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE)
-        else:
+            self.send_error(HTTPStatus.NOT_FOUND)
+        elif not length.isdecimal() or len(length) > len(str(_LARGEST)) or int(length) > _LARGEST:
+            self.send_error(HTTPStatus.REQUEST_ENTITY_TOO_LARGE)
+        elif self._is_allowed():
             content = self.rfile.read(int(length))
             try:
                 answer = self.server.engine.do(json.loads(content))
@@ -115,37 +94,21 @@ class _Handler(BaseHTTPRequestHandler):
             self._send(json.dumps(answer).encode(), "application/json")
 
     def _is_allowed(self, *, from_page: bool = True) -> bool:
-        """Whether the request names this server, not a name bound to its address, and comes from our page if it must.
-
-        If not, it is refused.
-        """
-        hosts = f"127.0.0.1:{self.server.port}", f"localhost:{self.server.port}"
-        origin = self.headers.get("Origin", f"http://{hosts[0]}")
+        """Whether the request names this server, and knows the secret if it must come from the page; else refuse it."""
         secret = self.headers.get("X-Epuckhebb", "").encode("utf-8", "replace")
-        is_allowed = self.headers.get("Host") in hosts and (
-            not from_page
-            or (
-                origin.removeprefix("http://") in hosts
-                and self.headers.get("Sec-Fetch-Site", "same-origin") == "same-origin"
-                and hmac.compare_digest(secret, self.server.secret.encode())
-            )
-        )
+        is_allowed = self.headers.get("Host") in [f"{name}:{self.server.port}" for name in ("127.0.0.1", "localhost")]
+        if from_page:
+            is_allowed = is_allowed and hmac.compare_digest(secret, self.server.secret.encode())
         if not is_allowed:
-            self._refuse(HTTPStatus.FORBIDDEN)
+            self.send_error(HTTPStatus.FORBIDDEN)
         return is_allowed
 
-    def _refuse(self, status: HTTPStatus) -> None:
-        self.close_connection = True
-        self._send(status.phrase.encode(), "text/plain", {"Connection": "close"}, status)
-
-    def _send(
-        self, content: bytes, kind: str, more: dict[str, str] | None = None, status: HTTPStatus = HTTPStatus.OK
-    ) -> None:
-        self._begin(kind, {"Content-Length": str(len(content)), **(more or {})}, status)
+    def _send(self, content: bytes, kind: str, policy: str = "default-src 'none'") -> None:
+        self._begin(kind, {"Content-Length": str(len(content)), "Content-Security-Policy": policy})
         self.wfile.write(content)
 
-    def _begin(self, kind: str, more: dict[str, str], status: HTTPStatus = HTTPStatus.OK) -> None:
-        self.send_response(status)
+    def _begin(self, kind: str, more: dict[str, str]) -> None:
+        self.send_response(HTTPStatus.OK)
         for name, value in {"Content-Type": kind, **_HEADERS, **more}.items():
             self.send_header(name, value)
         self.end_headers()
@@ -157,8 +120,7 @@ class _Handler(BaseHTTPRequestHandler):
         engine.watch(1)
         try:
             self._begin("application/octet-stream", {"Connection": "close"})
-            view = page.View(engine)
-            while news := view.news(_QUIET_S):
+            for news in page.stream(engine, _QUIET_S):
                 self.wfile.write(news)
         finally:
             engine.watch(-1)
@@ -167,26 +129,28 @@ class _Handler(BaseHTTPRequestHandler):
 class Play:
     """A live world that is served; a context manager that ends it. words: settings. port: the first that is tried."""
 
-    def __init__(self, words: Sequence[str], side: Side, config_dir: str | None = None, port: int = PORT) -> None:
-        def make(wanted: dict[str, Any]) -> LiveWorld:
-            changed = {key: value for key, value in wanted.items() if key != "side"}
+    def __init__(self, words: Sequence[str], side: str, config_dir: str | None = None, port: int = PORT) -> None:
+        def make(changed: dict[str, Any]) -> LiveWorld:
+            goal: Side = "right" if changed.pop("side", side) == "right" else "left"
             kept = [word for word in words if word.partition("=")[0].partition(".")[0] not in changed]
             new = [f"{key}={quoted(str(value))}" for key, value in changed.items()]
-            return LiveWorld([*kept, *new], "right" if wanted.get("side", side) == "right" else "left", config_dir)
+            return LiveWorld([*kept, *new], goal, config_dir)
 
+        if side not in SIDES:
+            raise ConfigError(f"side must be {' or '.join(SIDES)}, got {side!r}")
         if not 0 <= port <= 65535 - _PORTS:
             raise ConfigError(f"--port must lie between 0 (any that is free) and {65535 - _PORTS}, got {port}")
-        self.engine, server = Engine(make), None
-        for tried in range(port, port + _PORTS):
+        self.engine = Engine(make)
+        for number in range(port, port + _PORTS):
             try:
-                server = Server(self.engine, tried)
+                self.server = Server(self.engine, number)
                 break
             except OSError as error:
                 if error.errno not in (errno.EADDRINUSE, errno.EACCES):
                     raise
-        if server is None:
+        else:
             raise ConfigError(f"--port={port}: this port and the {_PORTS - 1} after it are taken; give another")
-        self.server, self.address = server, server.address
+        self.address = f"http://127.0.0.1:{self.server.port}/#{self.server.secret}"
 
     def __enter__(self) -> "Play":
         """Begin to serve."""

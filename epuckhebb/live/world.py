@@ -27,16 +27,12 @@ from epuckhebb.tmaze.session import Session
 _OF_WORLD = ("light", "lamp", "lamp_on", "placed", "dead_sensors", "left_wheel", "right_wheel")
 BY_HAND = (*_OF_WORLD, "rate", "put", "reset")
 KEPT = 37_504  # steps of which samples are kept, the last ones: 20 minutes, a multiple of `page.WEIGHTS_EVERY`
-_MOST_CHANGES = 20_000  # by hand in a lifetime
 _LONGEST_S = 3600.0
 _SETTINGS = ("lifetime.duration_s", "lifetime.record_every", "repeats")  # of an evaluation; a world has its own
 _COMPARED = {  # columns of metrics.csv that tell whether a saved lifetime is the one that was seen
     "path_length_m": "path_length",
-    "final_position_error_m": "final_distance",
     "weight_change_mean": "weight_change_mean",
-    "weight_change_final": "weight_change_final",
     "fitness": "fitness",
-    "contact_fraction": "contact_fraction",
 }
 
 
@@ -59,46 +55,32 @@ class Record(NamedTuple):
 class LiveWorld:
     """Robots in a lifetime that goes on as far as it is asked to, in a world that someone changes by hand.
 
-    words: settings, as on the command line. side: which trial. config, genome: what they make. robots: one lifetime in
-    progress for each controller, the first without plasticity. kept: how many of their last samples are kept; a saved
-    lifetime does not need them. changes: what was done by hand. wishes:
-    what will be done before the next step.
+    words: settings, as on the command line. robots: one lifetime in progress for each controller, the first without
+    plasticity. kept: how many of their last samples are kept; a saved lifetime does not need them. changes: what was
+    done by hand. wishes: what will be done before the next step.
     """
 
     def __init__(self, words: Sequence[str], side: Side, config_dir: str | None = None) -> None:
         self.words, self.side, self._config_dir = list(words), side, config_dir
-        given = {word.partition("=")[0] for word in words}
-        usual = [] if given & {_SETTINGS[0], "lifetime", "task"} else [f"{_SETTINGS[0]}={_LONGEST_S:g}"]
-        words = [*usual, *words, "lifetime.record_every=8", "repeats=1"]
+        keys = {word.partition("=")[0] for word in words}
+        default = [] if keys & {_SETTINGS[0], "lifetime", "task"} else [f"{_SETTINGS[0]}={_LONGEST_S:g}"]
+        words = [*default, *words, "lifetime.record_every=8", "repeats=1"]
         prepared = prepare_evaluation(load(EvaluateConfig, words, config_dir))
         self.config, self.genome = config, genome = prepared.config, prepared.genome
         if config.scenario.hand is not None:
             raise ConfigError(f"scenario.hand={config.scenario.hand}: play writes such a file; evaluate repeats it")
         say_unusual(config)
-        compile_for([GA_ALONE, *config.controllers], genome.network, config.world)
         self.controllers = [GA_ALONE, *config.controllers]
+        compile_for(self.controllers, genome.network, config.world)
         self.lifetime = replace(config.lifetime, record_every=1)
         self.kept = KEPT
-        individuals = individuals_for(
-            genome.genes,
-            self.controllers,
-            [(number, side, 0) for number in range(len(self.controllers))],
-            prepared.remember(1),
-            genome.plan,
-            genome.network,
-            config.seed,
-        )
-        self.robots = [
-            Session(individual, config.world, self.lifetime, most_samples=self.kept) for individual in individuals
-        ]
+        wanted = [(number, side, 0) for number in range(len(self.controllers))]
+        nominal, plan, network = prepared.remember(1), genome.plan, genome.network
+        individuals = individuals_for(genome.genes, self.controllers, wanted, nominal, plan, network, config.seed)
+        self.robots = [Session(one, config.world, self.lifetime, most_samples=KEPT) for one in individuals]
         self.changes: list[dict[str, Any]] = []
         self.wishes: dict[str, Any] = {}
         self.run(1)  # a change comes after the first step
-
-    @property
-    def title(self) -> str:
-        """Which lifetime this is, in one line."""
-        return f"{self.config.world.name} · genome {self.genome.name} · seed {self.config.seed}"
 
     @property
     def steps(self) -> int:
@@ -117,18 +99,12 @@ class LiveWorld:
         return now.changed(self.wishes) if self.wishes else now
 
     def wish(self, values: Mapping[str, Any]) -> None:
-        """Let something change before the next step; wishes before that are joined.
-
-        Raises:
-            ValueError: it cannot change so; then nothing changes.
-        """
+        """Let something change before the next step, or raise a ValueError; wishes before that step are joined."""
         unknown = sorted(map(str, set(values) - set(BY_HAND)))
         if unknown or not values:
             raise ValueError(f"{', '.join(unknown) or 'nothing'} cannot be changed by hand, only {', '.join(BY_HAND)}")
         if self.is_over:
             raise ValueError("this life has ended; begin a new one")
-        if len(self.changes) >= _MOST_CHANGES:
-            raise ValueError(f"{_MOST_CHANGES} changes are as many as a life can have; save it, and begin a new one")
         joined = {**self.wishes, **values}
         if isinstance(values.get("lamp"), Mapping):
             joined["lamp"] = {**self.wishes.get("lamp", {}), **values["lamp"]}
@@ -160,15 +136,10 @@ class LiveWorld:
         return self.steps - before
 
     def record(self) -> Record:
-        """What is to be saved now.
-
-        Raises:
-            ValueError: a lifetime of many trials has not ended.
-        """
-        if self.config.world.task.has_trials and not self.is_over:
-            raise ValueError(
-                f"a life with task={self.config.world.task.name} can be saved when all its trials are over"
-            )
+        """What is to be saved now; a ValueError if a lifetime of many trials has not ended."""
+        task = self.config.world.task
+        if task.has_trials and not self.is_over:
+            raise ValueError(f"a life with task={task.name} can be saved when all its trials are over")
         duration_s = self.lifetime.duration_s if self.is_over else self.steps * STEP_S
         return Record(duration_s, list(self.changes), [robot.outcome() for robot in self.robots])
 

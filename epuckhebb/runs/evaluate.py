@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -37,7 +37,7 @@ from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, evolved
 from epuckhebb.runs import hydra
 from epuckhebb.runs.notes import notes_of
 from epuckhebb.runtime import ConfigError, JobFailedError, data_folder, say, saying_if_slow
-from epuckhebb.store import Genome, RunFolder, check_wiring, digest, load_genome, traces_file
+from epuckhebb.store import Genome, RunFolder, as_npz, check_wiring, digest, load_genome, traces_arrays
 from epuckhebb.tmaze.batch import load_kernel
 from epuckhebb.tmaze.goal_signal import GoalSignal
 from epuckhebb.tmaze.individual import GA_ALONE, Controller
@@ -47,9 +47,6 @@ from epuckhebb.tmaze.robot import EPUCK, Robot
 from epuckhebb.tmaze.scenario import TRAINED, Scenario
 from epuckhebb.tmaze.session import LostRobotError
 from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Report = Callable[[Path, Rows], object]
 
@@ -78,10 +75,6 @@ class PreparedEvaluation:
         there.world = replace(world, fitness=ours.fitness, physics=physics, goal_signal=signal)
         there.lifetime = replace(self.config.lifetime, duration_s=world.paper_duration_s)
         return PreparedEvaluation(config=there, genome=self.genome)
-
-    def compile(self) -> None:
-        """Load or compile what the lifetimes need."""
-        compile_for(self.config.controllers, self.genome.network, self.config.world)
 
     def remember(self, threads: int, report: Callable[[str], None] = lambda _: None) -> Nominal | None:
         """Nominal statistics for the adaptations, from the champion's file or measured; None where none needs them.
@@ -287,59 +280,57 @@ def evaluate_into(
         **facts,
     }
     with saying_if_slow("Compiling; a first start takes some ten seconds, later ones do not."):
-        prepared.compile()
+        compile_for(config.controllers, genome.network, config.world)
     nominal = prepared.remember(threads, say)
+    has_trials, recorded, kind = config.world.task.has_trials, bool(config.lifetime.record_every), config.figures.value
+    names = [*(["reversal"] if has_trials else []), *(["trajectories"] if recorded else [])]
+    later = [*(["traces.npz"] if recorded else []), *(f"figures/{name}.{kind}" for name in names if kind != "none")]
+
+    def left_behind() -> str:
+        missing = [name for name in later if not (path / name).exists()]
+        return f"{path} has its tables, and lacks {' and '.join(missing) or 'nothing'}"
+
     with RunFolder.new(path, "evaluate", dump(config), overrides, facts, own) as run:
         if config.scenario.hand is not None:
             run.write(hand.NAME, hand.content(config.scenario.hand))
         metrics, traces = prepared.run(nominal, threads)
-        recorded, figures = bool(config.lifetime.record_every), dict[str, tuple[Any, ...]]()
-        if config.world.task.has_trials:
-            figures["reversal"] = config, genome.name, *_write_trials(run, config, metrics, traces)
+        if has_trials:
+            import pandas as pd  # takes a while to load, as does all that draws
+
+            from epuckhebb.analysis import reversal
+
+            rows, trials = pd.DataFrame(metrics), pd.DataFrame(traces.trials)
+            shares = reversal.table(rows, trials, config.world.task, config.seed)
+            run.write("metrics.csv", rows)
+            run.write("reversal_trials.csv", trials)
+            run.write("reversal.csv", shares)
+            run.write("reversal.md", reversal.readable(shares).markdown())
         else:
             run.write("metrics.csv", metrics)
             table, below = tables.paper_table(metrics), [*map(tables.plain, notes), tables.saturation(metrics)]
             run.write("table.csv", tables.flat(table))
             run.write("table.md", "\n".join([tables.to_markdown(table), *(f"{note}\n" for note in below if note)]))
-        if recorded:
-            figures["trajectories"] = config, caption(config, genome.name), traces
-        kind = config.figures.value
-        files = {f"figures/{name}.{kind}": (name, kind, *data) for name, data in figures.items() if kind != "none"}
-        later = [*(["traces.npz"] if recorded else []), *files]
-
-        def left_behind() -> str:
-            missing = [name for name in later if not (path / name).exists()]
-            return f"{path} has its tables, and lacks {' and '.join(missing) or 'nothing'}"
-
         run.left_behind = left_behind
         if report is not None:
             report(path, metrics)
         if recorded:
-            run.write("traces.npz", traces_file(traces, genome.weights, genome.network))
+            run.write("traces.npz", as_npz(traces_arrays(traces, genome.weights, genome.network)))
+        if kind == "none" or not names:
+            return
         try:
-            for file, what in files.items():
-                from epuckhebb.runs.figures import file_of  # matplotlib takes a while to load
+            from epuckhebb.analysis.figures import trajectories
+            from epuckhebb.analysis.image import image
 
-                run.write(file, file_of(*what))
+            if has_trials:
+                from epuckhebb.runs import figures
+
+                drawn = figures.reversal(config, genome.name, shares, trials)
+                run.write(f"figures/reversal.{kind}", image(drawn, kind))
+            if recorded:
+                drawn = trajectories(traces, config.world, caption(config, genome.name))
+                run.write(f"figures/trajectories.{kind}", image(drawn, kind))
         except Exception as error:  # of matplotlib: what a user's fonts and styles may raise has no end
             raise JobFailedError(f"{left_behind()}: {type(error).__name__}: {error}") from error
-
-
-def _write_trials(
-    run: RunFolder, config: EvaluateConfig, rows: Rows, traces: Traces
-) -> "tuple[pd.DataFrame, pd.DataFrame]":
-    """Write the tables of lifetimes of many trials. Returns the rewarded shares, and every trial."""
-    import pandas as pd
-
-    from epuckhebb.analysis import reversal
-
-    metrics, trials = pd.DataFrame(rows), pd.DataFrame(traces.trials)
-    shares = reversal.table(metrics, trials, config.world.task, config.seed)
-    run.write("metrics.csv", metrics)
-    run.write("reversal_trials.csv", trials)
-    run.write("reversal.csv", shares)
-    run.write("reversal.md", reversal.readable(shares).markdown())
-    return shares, trials
 
 
 def caption(config: EvaluateConfig, genome_name: str, controllers: Sequence[tuple[str, float]] | None = None) -> str:

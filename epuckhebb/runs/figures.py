@@ -3,20 +3,8 @@
 import pandas as pd
 from matplotlib.figure import Figure
 
-from epuckhebb.analysis import charts, figures
-from epuckhebb.analysis.evaluate import Traces
-from epuckhebb.analysis.image import image
+from epuckhebb.analysis import charts
 from epuckhebb.config import EvaluateConfig, EvolveConfig
-
-
-def file_of(name: str, kind: str, *data: object) -> bytes:
-    """The content of a figure's file. name: of a function below, which is given the data. kind: png, svg or pdf."""
-    return image(globals()[name](*data), kind)
-
-
-def trajectories(config: EvaluateConfig, title: str, traces: Traces) -> Figure:
-    """The paths of the recorded lifetimes."""
-    return figures.trajectories(traces, config.world, title)
 
 
 def reversal(config: EvaluateConfig, genome: str, shares: pd.DataFrame, trials: pd.DataFrame) -> Figure:

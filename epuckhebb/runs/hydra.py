@@ -130,14 +130,9 @@ def _run_one(command: str, job: Callable[[Job], None], overrides: list[str], con
         except OmegaConfBaseException as error:
             raise ConfigError(explain(error)) from error
         del cfg.hydra
-    own = overrides_of_task(overrides)
+    own = [word for word in overrides if not word.lstrip("+~").startswith(("hydra.", "hydra/"))]
     job(Job(path, config, own, _facts(command, own, config_dir), thread_count(config.threads), in_multirun=False))
     return path
-
-
-def overrides_of_task(overrides: list[str]) -> list[str]:
-    """The overrides of settings, without those of Hydra."""
-    return [override for override in overrides if not override.lstrip("+~").startswith(("hydra.", "hydra/"))]
 
 
 def _facts(command: str, overrides: list[str], config_dir: str | None) -> dict[str, Any]:

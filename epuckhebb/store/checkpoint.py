@@ -1,13 +1,12 @@
 """Writes and reads `checkpoint.npz`, from which an evolution is resumed."""
 
 import io
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from epuckhebb.evolution.evolve import Generation, history_row
 from epuckhebb.evolution.search import Results, Search
@@ -74,7 +73,16 @@ class Checkpoint:
                     f"{run}/.hydra/config.yaml is not what this evolution began with, and to resume it would mix two "
                     f"evolutions: put it back as it was. The number of generations and threads may be changed"
                 )
-            search = resume(_log(arrays))
+            ends = np.cumsum(arrays["individuals"])[:-1]  # of each generation
+            names = [name for name in arrays if name.startswith(_MEASURE)]
+            measures = {name.removeprefix(_MEASURE): np.split(arrays[name], ends) for name in names}
+            generations = zip(arrays["digests"], np.split(arrays["results"], ends), strict=True)
+            search = resume(
+                [
+                    Results(str(digest), fitness, {name: parts[number] for name, parts in measures.items()})
+                    for number, (digest, fitness) in enumerate(generations)
+                ]
+            )
             generation = Generation(
                 number=int(arrays["generation"]),
                 fitness=arrays["fitness"],
@@ -87,15 +95,3 @@ class Checkpoint:
                 seconds=0.0,
             )
         return cls(generation, str(arrays["history"]))
-
-
-def _log(arrays: Mapping[str, NDArray[Any]]) -> list[Results]:
-    """The results of each generation."""
-    ends = np.cumsum(arrays["individuals"])[:-1]
-    names = [name for name in arrays if name.startswith(_MEASURE)]
-    measures = {name.removeprefix(_MEASURE): np.split(arrays[name], ends) for name in names}
-    generations = zip(arrays["digests"], np.split(arrays["results"], ends), strict=True)
-    return [
-        Results(str(digest), fitness, {name: parts[number] for name, parts in measures.items()})
-        for number, (digest, fitness) in enumerate(generations)
-    ]

@@ -187,19 +187,31 @@ def _read_genome(path: Path, name: str, shape: tuple[int, ...] | Wiring | None) 
                 f"genome={path} must hold one array or one named `genome`, it holds {sorted(arrays)[:20]}"
             )
         network = network_from(arrays, layers or PAPER_NETWORK.layers)
-        network = network if shape is None else _of_shape(network, shape, path)
+        if shape is not None:
+            check_wiring(LAYERS if network.wiring is None else network.wiring.name, shape, path)
+        if isinstance(shape, Wiring):  # it must join the same neurons as that of the file
+            wired = Network((network.inputs, *shape.sizes), network.rewarded, shape)
+            if wired.layers != network.layers or not np.array_equal(wired.joined, network.joined):
+                raise ConfigError(
+                    f"genome={path} is for a network {network} of {network.synapses} synapses; the settings below "
+                    f"network make {wired} of {wired.synapses}, or join other neurons. Give the settings of its "
+                    "evolution"
+                )
+            network = wired
         if layers and network.layers != layers:
             raise ConfigError(f"genome={path} is of layers {network}, and network.layers asks for {list(layers)}")
         plan = plan_of(network)
         if "parts" in arrays:
             plan = GenomePlan(tuple(map(Part, arrays["parts"].tolist(), arrays["part_sizes"].tolist())))
+        statistics: dict[str, Any] = {field.name: arrays.get(_NOMINAL + field.name) for field in fields(Nominal)}
+        known = {name: value if value.ndim else value.item() for name, value in statistics.items() if value is not None}
         return Genome(
             genes=checked_genes(arrays.get("genome", next(iter(arrays.values()))), str(path), plan),
             name=name,
             network=network,
             lights=int(arrays.get("lights", EPUCK.light.count)),
             plan=plan,
-            nominal=_nominal(arrays),
+            nominal=Nominal(**known) if known else None,
             **{fact: str(arrays[fact]) for fact in _TEXTS if fact in arrays},
         )
 
@@ -212,24 +224,3 @@ def check_wiring(own: str, shape: tuple[int, ...] | Wiring | None, where: object
             f"genome={where} is for network.wiring={own}, and the settings have network.wiring={asked}; give "
             f"network.wiring={own} (FILE.py:{own} if you wrote it), or another champion"
         )
-
-
-def _of_shape(network: Network, shape: tuple[int, ...] | Wiring, path: Path) -> Network:
-    """The network of a file with the wiring of the settings, which must join the same neurons."""
-    check_wiring(LAYERS if network.wiring is None else network.wiring.name, shape, path)
-    if not isinstance(shape, Wiring):
-        return network
-    given = Network((network.inputs, *shape.sizes), network.rewarded, shape)
-    if given.layers != network.layers or not np.array_equal(given.joined, network.joined):
-        raise ConfigError(
-            f"genome={path} is for a network {network} of {network.synapses} synapses; the settings below network make "
-            f"{given} of {given.synapses}, or join other neurons. Give the settings of its evolution"
-        )
-    return given
-
-
-def _nominal(arrays: Mapping[str, Any]) -> Nominal | None:
-    """The nominal statistics in a champion's file; None if there are none."""
-    values = {field.name: arrays.get(_NOMINAL + field.name) for field in fields(Nominal)}
-    known = {name: value if value.ndim else value.item() for name, value in values.items() if value is not None}
-    return Nominal(**known) if known else None

@@ -7,15 +7,10 @@ from numpy.typing import NDArray
 
 from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.controller.network import Network
-from epuckhebb.store.disk import TRACES, arrays_of, as_npz, one_error
+from epuckhebb.store.disk import TRACES, arrays_of, one_error
 from epuckhebb.store.genome import network_from, wiring_arrays
 from epuckhebb.store.run import Run
 from epuckhebb.tmaze.samples import Samples, empty_samples
-
-
-def traces_file(traces: Traces, weights: NDArray[np.float64], network: Network) -> bytes:
-    """The content of `traces.npz`."""
-    return as_npz(traces_arrays(traces, weights, network))
 
 
 def traces_arrays(traces: Traces, weights: NDArray[np.float64], network: Network) -> dict[str, NDArray[Any]]:

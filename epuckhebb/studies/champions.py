@@ -25,7 +25,7 @@ from epuckhebb.config import (
     load,
     own_files,
 )
-from epuckhebb.runs import evolve_into, hydra, new_evolution, prepare_evaluation, prepare_evolution
+from epuckhebb.runs import compile_for, evolve_into, hydra, new_evolution, prepare_evaluation, prepare_evolution
 from epuckhebb.runtime import ConfigError, JobFailedError, data_folder
 from epuckhebb.store import OwnFile, RunFolder, as_json, digest, write_atomic
 from epuckhebb.studies.jobs import Job
@@ -126,7 +126,7 @@ def _test(path: Path, config: EvaluateConfig, job: Plain, overrides: list[str], 
     prepared, threads = prepare_evaluation(config), hydra.threads_of_job(config.threads)
     genome = prepared.genome
     prepared = replace(prepared, genome=replace(genome, name=job.get("name", genome.name)))
-    prepared.compile()
+    compile_for(config.controllers, genome.network, config.world)
     facts = {"seed": config.seed, "genome": genome.name, "genome_sha256": genome.sha256, **facts}
     own = own_files(config.values)
     with RunFolder.new(path, facts["command_line"][1], dump(config), overrides, facts, own) as run:

@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import pandas as pd
 
 from epuckhebb.analysis.tables import Table
-from epuckhebb.config import Plain, check_counts, from_values, load, part_class, part_from, part_settings, register
+from epuckhebb.config import MOST_THREADS, Plain, from_values, load, part_class, part_from, part_settings, register
+from epuckhebb.controller.own_class import PartError
 from epuckhebb.controller.ranges import check as check_ranges
 from epuckhebb.controller.ranges import within
 from epuckhebb.flock import replay, tables
-from epuckhebb.flock.coupling import Coupling, CouplingError
+from epuckhebb.flock.coupling import Coupling
 from epuckhebb.flock.couplings.frozen import Frozen
 from epuckhebb.flock.couplings.oracle import Oracle
 from epuckhebb.flock.plane import CHANGE_S, Flock, Record, run
@@ -64,7 +65,7 @@ class Condition(NamedTuple):
 
 @dataclass(kw_only=True)
 class Sweep:
-    """Values of a sweep; see `conf/flock/all.yaml`."""
+    """Values of a sweep; see `conf/flocks.yaml`."""
 
     loudness: list[float] = field(default_factory=list)
     knowers: list[int] = field(default_factory=list)
@@ -103,14 +104,14 @@ class FlockStudy(Study):
 
     command: ClassVar[str] = "flock"
     reference: ClassVar[str] = "flock"
-    seed: int = 1100
-    repeats: int = 20
-    threads: int = 0
+    seed: int = within(0, default=1100)
+    repeats: int = within(1, default=20)
+    threads: int = within(0, MOST_THREADS, default=0)
     flock: FlockKeys = field(default_factory=FlockKeys)
 
     def __post_init__(self) -> None:
         """Validate the settings."""
-        check_counts({"seed": self.seed, "repeats": self.repeats, "threads": self.threads})
+        check_ranges(self)
         self.rows, self.conditions = _rows(self.flock), _conditions(self.flock, self.repeats)
 
     @property
@@ -254,5 +255,5 @@ def _run_all(tasks: Sequence[tuple[Row, Flock, int]], threads: int) -> list[Reco
     try:
         with ThreadPoolExecutor(threads) as pool:
             return list(pool.map(one, tasks))
-    except CouplingError as error:
+    except PartError as error:
         raise ConfigError(f"flock.coupling: {error}") from error

@@ -3,7 +3,8 @@
 from collections.abc import Callable, Sequence
 from functools import cache
 
-from epuckhebb.config import EvaluateConfig, Plain, check_counts, from_values, own_sources
+from epuckhebb.config import EvaluateConfig, Plain, from_values, own_sources
+from epuckhebb.controller.ranges import check_values
 from epuckhebb.runs import prepare_evaluation
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Genome, digest, fingerprint, load_genome
@@ -11,7 +12,7 @@ from epuckhebb.studies.jobs import NO_EFFECT
 from epuckhebb.tmaze.maze import SIDES
 from epuckhebb.tmaze.physics.pymunk import Pymunk
 
-_APART = ("seed", "repeats", "threads")  # keys that are checked by `check_counts` alone
+_APART = ("seed", "repeats", "threads")  # keys that are checked by themselves
 
 
 def settings(config: Plain) -> Plain:
@@ -37,7 +38,7 @@ class Identities:
     def of(self, config: Plain) -> str:
         """The name of the run of a configuration, from all that its results depend on at this moment."""
         try:
-            check_counts(config)
+            check_values(EvaluateConfig, config)
         except ValueError as error:
             raise ConfigError(str(error)) from error
         shared = self.validate_shared(config)

@@ -189,15 +189,11 @@ def count(folder: Path, jobs: Sequence[Job], attempts: Sequence[Path]) -> tuple[
     return done, sum(Run(path).recorded_status.get("state") == "failed" for path in attempts if path.name in there)
 
 
-Work = Callable[[Path, Plain, dict[str, Any]], None]
-
-
-def do_job(cfg: Any, study_of: Callable[[str], tuple[Callable[[Plain], str], Work]]) -> None:
+def do_job(cfg: Any, study_named: Callable[[str], Any]) -> None:
     """Do one job of a study, in the process that the launcher gives it.
 
-    cfg: what Hydra knows of the job: its name. study_of: from the name of a study to what names a job, and what does
-    it. The former must still give the name of the job; the latter gets a folder, which is renamed afterwards, the file
-    of the job, and facts for `provenance.json`.
+    cfg: what Hydra knows of the job: its name. study_named: gives the class of a study. Its `name_of` must still give
+    the name of the job; its `work` gets a folder, which is renamed afterwards, and facts for `provenance.json`.
     """
     attempt = hydra.output_folder()
     folder, run = attempt.parents[1], str(cfg.job)
@@ -206,10 +202,11 @@ def do_job(cfg: Any, study_of: Callable[[str], tuple[Callable[[Plain], str], Wor
         attempt.rmdir()
         return
     listed = Run(folder).json(_LIST)
+    study, job = study_named(listed["name"]), Run(folder).json(f"{_JOBS}/{run}.json")
+    if study.name_of(job["config"]) != run:
+        raise JobFailedError(f"{run}: the genome or the program has changed since the study began")
     try:
-        name_of, work = study_of(listed["name"])
-        facts = {"command_line": listed["command_line"], "sweep": listed["name"]}
-        work(attempt, read_job(folder, run, name_of), facts)
+        study.work(attempt, job, {"command_line": listed["command_line"], "sweep": listed["name"]})
     except Exception:
         if listed["fail_fast"]:
             stop.touch()
@@ -220,17 +217,3 @@ def do_job(cfg: Any, study_of: Callable[[str], tuple[Callable[[Plain], str], Wor
         if not Run(folder / run).is_whole:  # else a worker of a killed call has just done the same
             raise
         shutil.rmtree(attempt)
-
-
-def read_job(folder: Path, run: str, name_of: Callable[[Plain], str]) -> Plain:
-    """Read the file of a job; refuse one that would no longer lead to the run of this name."""
-    job = Run(folder).json(f"{_JOBS}/{run}.json")
-    try:
-        now = name_of(job["config"])
-    except ConfigError:
-        raise
-    except Exception as error:  # what damaged settings may raise has no end
-        raise ConfigError(f"the settings of {run} cannot be used: {error}") from error
-    if now != run:
-        raise JobFailedError(f"{run}: the genome or the program has changed since the study began")
-    return job

@@ -17,13 +17,14 @@ from epuckhebb.analysis.tables import Table
 from epuckhebb.config import (
     EvaluateConfig,
     check_config_dir,
-    check_counts,
     from_values,
     load,
     quoted,
     register,
     settings,
 )
+from epuckhebb.controller.ranges import check as check_ranges
+from epuckhebb.controller.ranges import within
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Run, fingerprint
 from epuckhebb.studies.champions import COST, ChampionStudy, search_folders, worlds_digest
@@ -58,17 +59,17 @@ class Leaderboard(ChampionStudy):
     reference: ClassVar[str] = "leaderboard"
     methods: list[str] = field(default_factory=list)
     tests: list[str] = field(default_factory=list)
-    champions: int = 12
-    first_seed: int = 201
-    seed: int = 1
-    repeats: int = 3
-    reversal_repeats: int = 100
+    champions: int = within(1, default=12)
+    first_seed: int = within(0, default=201)
+    seed: int = within(0, default=1)
+    repeats: int = within(1, default=3)
+    reversal_repeats: int = within(1, default=100)
 
     def __post_init__(self) -> None:
         """Validate the settings."""
         self.experiments: Sequence[str] = EXPERIMENTS
         self.config_dir: str | None = None
-        check_counts(vars(self))
+        check_ranges(self)
         if not self.tests:
             raise ValueError(
                 "tests must name one sweep of conf/experiment/ or more, in whose worlds champions are tested"

@@ -12,8 +12,10 @@ import yaml
 
 from epuckhebb.analysis import findings, reproduction
 from epuckhebb.analysis.tables import Table, code
-from epuckhebb.config import EvaluateConfig, EvolveConfig, check_counts, from_values, load, part_from, register
+from epuckhebb.config import MOST_THREADS, EvaluateConfig, EvolveConfig, from_values, load, part_from, register
 from epuckhebb.controller.network import PAPER_NETWORK
+from epuckhebb.controller.ranges import check as check_ranges
+from epuckhebb.controller.ranges import within
 from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.runs import prepare_evolution
 from epuckhebb.runtime import ConfigError, data_folder
@@ -64,21 +66,21 @@ class Reproduction(ChampionStudy):
 
     command: ClassVar[str] = "reproduce"
     reference: ClassVar[str] = "reproduce"
-    champions: int = 20
-    first_seed: int = 1
-    seed: int = 1
-    repeats: int = 10
+    champions: int = within(1, default=20)
+    first_seed: int = within(0, default=1)
+    seed: int = within(0, default=1)
+    repeats: int = within(1, default=10)
     rates: list[float] = field(default_factory=list)
     signal: LiveFitness = LiveFitness.paper
     genome: str | None = None
-    threads: int = 0
+    threads: int = within(0, MOST_THREADS, default=0)
     ga: GA = field(default_factory=GA)
     physics: dict[str, Any] = field(default_factory=lambda: {"kind": PYMUNK.name})
 
     def __post_init__(self) -> None:
         """Validate the settings."""
         self.experiments = "all"
-        check_counts(vars(self))
+        check_ranges(self)
         for rate in self.rates:
             if not (math.isfinite(rate) and rate > 0):
                 raise ValueError(f"rates must be numbers above 0 (0 is always run, as the GA alone), got {rate}")

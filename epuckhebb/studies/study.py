@@ -239,18 +239,7 @@ def conduct(planned: Planned, *, fail_fast: bool = False) -> Outcome:
 
 def study_job(cfg: Any) -> None:
     """Do one job of a study, as a job of Hydra's."""
-
-    def of_name(reference: str) -> tuple[Any, Any]:
-        kind = study_named(reference)
-        return kind.name_of, kind.work
-
-    do_job(cfg, of_name)
-
-
-def load_studies() -> None:
-    """Load the studies of the program, which registers their keys."""
-    for command in ("flock", "leaderboard", "reproduce"):
-        study_named(command)
+    do_job(cfg, study_named)
 
 
 def study_named(reference: str) -> type[Study]:

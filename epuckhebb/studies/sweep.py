@@ -6,6 +6,7 @@ folder of that name is its result. The folder of a sweep is named by its jobs, s
 
 import csv
 import io
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -21,7 +22,7 @@ from epuckhebb.config import (
     Plain,
     alternatives,
     check_words,
-    combinations,
+    configurations,
     from_values,
     swept_values,
 )
@@ -117,7 +118,8 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Plan
     choices = alternatives([*(f"{key}={values}" for key, values in params.items()), *own])
     listed: dict[str, Job] = {}
     identities, cpu_s, again = identity.Identities(), dict[str, float](), 0
-    for overrides, config in combinations("evaluate", named, choices, config_dir, identities.validate_shared):
+    combinations = itertools.product(*choices.values())
+    for overrides, config in configurations("evaluate", named, combinations, config_dir, identities.validate_shared):
         run = identities.of(config)
         steps, in_plane = identities.robot_steps(config)
         cpu_s[run] = _JOB_S + (_STEP_S if in_plane else _STEP_IN_3D_S) * steps
@@ -143,11 +145,11 @@ def figures(run: Run) -> dict[str, "Figure"]:
     """The figures of the tables over all lifetimes in a folder of a sweep or a multirun."""
     from epuckhebb.analysis import charts  # matplotlib takes a while to load
 
-    drawn = {"dose_response": ("doses.csv", charts.rates), "rescue_and_harm": (_RESCUE, charts.rescue_over_all)}
+    drawn = {
+        "dose_response": ("doses.csv", charts.rates),
+        "rescue_and_harm": ("rescue_over_all.csv", charts.rescue_over_all),
+    }
     return {name: draw(run.table(file)) for name, (file, draw) in drawn.items() if run.has(file)}
-
-
-_RESCUE = "rescue_over_all.csv"
 
 
 def _write_over_all(folder: Path, write: Callable[[str, bytes | str | pd.DataFrame], None], gathered: Gathered) -> None:
@@ -162,12 +164,12 @@ def _write_over_all(folder: Path, write: Callable[[str, bytes | str | pd.DataFra
         write("over_champions.csv", summary.over_champions(rows, settings))
     if (doses := summary.dose_response(rows, settings)) is not None:
         write("doses.csv", doses)
-    if (found := summary.rescue_and_harm(rows)) is not None:
-        tables, page = found
+    if (harm := summary.rescue_and_harm(rows)) is not None:
+        tables, page = harm
         for name, table in tables.items():
             write(f"{name}.csv", table)
         write("report.md", page)
-    if doses is not None or found is not None:
+    if doses is not None or harm is not None:
         from epuckhebb.analysis.image import image  # matplotlib takes a while to load
 
         for name, figure in figures(Run(folder)).items():

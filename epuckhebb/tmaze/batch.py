@@ -7,7 +7,6 @@ import numpy as np
 
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import HIDDEN, Network
-from epuckhebb.controller.own_class import OwnClass, is_own
 from epuckhebb.controller.plasticity.rule import NoRule
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
@@ -16,7 +15,7 @@ from epuckhebb.tmaze.outcome import Outcome
 from epuckhebb.tmaze.robot import OUTPUTS, STEP_S
 from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.session import Session
+from epuckhebb.tmaze.session import Session, own_parts
 from epuckhebb.tmaze.simulator import Simulator
 
 _TRIED_S = 8.0  # of a lifetime that is run twice
@@ -65,9 +64,7 @@ def load_kernel(
     world = scenario or Scenario()
     net = network or Network((world.inputs, *HIDDEN, OUTPUTS), world.task.gives_reward)
     genes = plan_of(net, type(controller.rule)).genes
-    parts = (controller.rule, net.wiring, world.fitness, world.task, world.physics, *world.robot.sensors)
-    kinds = [*map(type, parts), *controller.adaptation.parts]
-    own = [kind for kind in kinds if isinstance(kind, type) and issubclass(kind, OwnClass) and is_own(kind)]
+    own = own_parts(controller, net, world)
     dummy = Individual(
         genes=np.random.default_rng(0).uniform(-1.0, 1.0, genes) if own else np.zeros(genes),
         side="left",

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -10,10 +10,14 @@ from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled, nothing, one
 from epuckhebb.controller.network import PAPER_NETWORK, Network
 from epuckhebb.controller.plasticity.control import Sign
-from epuckhebb.controller.plasticity.rule import NO_RULE, NoRule, Rule
+from epuckhebb.controller.plasticity.rule import NO_RULE, NoRule, Reward, Rule
 from epuckhebb.controller.wiring import Wiring
+from epuckhebb.tmaze.fitness import Signal, signal_number
 from epuckhebb.tmaze.maze import Pose, Side
 from epuckhebb.tmaze.robot import Robot
+
+if TYPE_CHECKING:
+    from epuckhebb.tmaze.scenario import Scenario
 
 # Classes of knowledge, from less to more that is given; the last one is a robot without a network. No method has a
 # sensor model any more; tables that were made before name it.
@@ -134,6 +138,31 @@ class Controller:
         if self.adaptation.is_network_unused:
             return CLASSES[-1]
         return max((kind for kind in self.knowledge if kind in CLASSES), key=CLASSES.index)
+
+    def check(self, world: "Scenario", duration_s: float, wiring: Wiring | None) -> None:
+        """Check that it goes with a world, a lifetime's length and a network; else a ValueError."""
+        rule, robot, task = self.rule, world.robot, world.task
+        signal_number(rule)
+        if rule.signal == Signal.light_code and (robot.light.count, robot.distance.count) != (8, 8):
+            raise ValueError(
+                f"hebbian.signal=light_code reads eight light and eight distance sensors; robot {robot.name} has "
+                f"{robot.light.count} and {robot.distance.count}"
+            )
+        if rule.signal == Signal.fitness and world.fitness.step is None:
+            raise ValueError(
+                f"hebbian.signal=fitness needs a fitness with a method `step`, and fitness {world.fitness.name} has "
+                "none; give fitness.function=FILE.py:NAME, or another signal"
+            )
+        if task.has_trials and self.adaptation.acts:
+            raise ValueError(
+                f"adaptation={self.adaptation.name} compares a life with those in the training world, where there is "
+                f"one goal for all of it, and task={task.name} has none; give adaptation=none"
+            )
+        if rule.reward is not Reward.given and not task.gives_reward:
+            raise ValueError(
+                f"hebbian.reward={rule.reward.name} does nothing with task={task.name}, which gives no reward"
+            )
+        self.adaptation.check(rule, duration_s, wiring)
 
 
 GA_ALONE = Controller()

@@ -6,7 +6,7 @@ Python and called when a lifetime is over, or both. A fitness that has only `lif
 
 import functools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -14,9 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.controller.compiling.kernel import zero
-from epuckhebb.controller.own_class import OwnClass, arguments, calling, number_of
-from epuckhebb.tmaze.maze import Pose
-from epuckhebb.tmaze.robot import STEP_S
+from epuckhebb.controller.own_class import OwnClass, PartError, calling, number_of
 
 PAPER = "paper"
 _OF_STEP = {  # the arguments that `step` may have, and how the kernel has them
@@ -54,10 +52,6 @@ _OF_LIFE = ("paper", *OF_OUTCOME, "trials", "by")  # the arguments that `life` m
 _WITH_STEP = ("mean", "state")  # and those that only `step` makes
 
 Score = Callable[..., float]
-
-
-class FitnessError(ValueError):
-    """A fitness gave no number; the message says which, and what it gave."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,23 +102,9 @@ class Fitness(OwnClass):
         return type(self) is not Fitness
 
     @classmethod
-    def arguments_of_step(cls) -> tuple[str, ...]:
-        """The names of the arguments of `step`, in its order; a ValueError if one is unknown."""
-        return arguments(cls.what(), cls.step, _OF_STEP)
-
-    @classmethod
-    def arguments_of_life(cls) -> tuple[str, ...]:
-        """The same of `life`."""
-        return arguments(cls.what(), cls.life, (*(_WITH_STEP if cls.step else ()), *_OF_LIFE))
-
-    @classmethod
-    def check_class(cls) -> None:
-        """Check that it has functions, with known arguments; else a ValueError."""
-        super().check_class()
-        if cls.step is not None:
-            cls.arguments_of_step()
-        if cls.life is not None:
-            cls.arguments_of_life()
+    def known(cls, method: str) -> Collection[str]:
+        """See `OwnClass`."""
+        return _OF_STEP if method == "step" else (*(_WITH_STEP if cls.step else ()), *_OF_LIFE)
 
     def initial_state(self) -> NDArray[np.void]:
         """One record: the sum over the steps, 0, and what is stored from step to step."""
@@ -135,19 +115,19 @@ class Fitness(OwnClass):
         """The fitness of a lifetime. facts: the values of the arguments `paper` to `trials`, and others, by name.
 
         Raises:
-            FitnessError: `life` failed, or its result is no finite number.
+            PartError: `life` failed, or its result is no finite number.
         """
         mean: float = float(state["sum"][0]) / facts["steps"]
         if not math.isfinite(mean):
-            raise FitnessError(f"fitness {self.name}: the values of its steps have the mean {mean}")
+            raise PartError(f"fitness {self.name}: the values of its steps have the mean {mean}")
         if self.life is None:
             return mean
         known = {**facts, "mean": mean, "state": state.view(np.recarray)[0], "by": self}
-        with calling(f"fitness {self.name}: `life`", FitnessError):
-            value: Any = self.life(**{name: known[name] for name in self.arguments_of_life()})
+        with calling(f"fitness {self.name}: `life`"):
+            value: Any = self.life(**{name: known[name] for name in self.arguments("life")})
         is_number = isinstance(value, int | float | np.number | np.bool_)
         if not is_number or not math.isfinite(value):
-            raise FitnessError(f"fitness {self.name}: `life` must return a finite number, it returned {value!r}")
+            raise PartError(f"fitness {self.name}: `life` must return a finite number, it returned {value!r}")
         return float(value)
 
 
@@ -174,11 +154,5 @@ def score_of(kind: type[Fitness]) -> Score:
     """The function `score(tally, state, numbers, left, ..., time_s)` that gives the value of a step."""
     made: Score = zero
     if kind.step is not None:
-        made = number_of(kind, kind.step, kind.arguments_of_step(), _OF_STEP, _ARGUMENTS, "numbers")
+        made = number_of(kind, kind.step, kind.arguments("step"), _OF_STEP, _ARGUMENTS, "numbers")
     return made
-
-
-def example_arguments(fitness: Fitness, tally: Any, inputs: int) -> tuple[Any, ...]:
-    """Arguments with which `score` can be called by itself."""
-    state, readings = fitness.initial_state()[0], np.zeros(inputs)
-    return (tally, state, fitness.numbers(), 0.0, 0.0, 0.0, False, 0.0, Pose(0.0, 0.0, 0.0), readings, STEP_S)

@@ -1,7 +1,6 @@
 """A sensor of the user's own; in the inputs of the network it stands behind the light and distance sensors."""
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -9,10 +8,9 @@ import numpy as np
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled, nothing
-from epuckhebb.controller.own_class import OwnClass, arguments, call_of, calling, namedtuple_of
+from epuckhebb.controller.own_class import OwnClass, PartError, call_of, namedtuple_of
 from epuckhebb.controller.ranges import within
-from epuckhebb.tmaze.light import Lamp, lights
-from epuckhebb.tmaze.sensors import NO_ROBOTS, Goal, Kernels, SensorGroup, Surroundings
+from epuckhebb.tmaze.sensors import Kernels, SensorGroup, Surroundings
 
 _OF_READ = {  # the arguments that `read` may have, and how the kernel has them
     "x": "around.x",
@@ -24,10 +22,6 @@ _OF_READ = {  # the arguments that `read` may have, and how the kernel has them
     "walls": "around.walls",
     "by": "by",
 }
-
-
-class SensorError(ValueError):
-    """A sensor gave a reading outside 0 to 1; the message says which."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,7 +73,7 @@ class Sensor(SensorGroup, OwnClass):
             noisy = value + around.noise_level * noise * around.noise[first + k]
             readings[first + k] = min(1.0, max(0.0, noisy))
 
-        parts = {"values": call_of(type(self).read, self.arguments(), _OF_READ, "around", by=self._by())}
+        parts = {"values": call_of(type(self).read, self.arguments("read"), _OF_READ, "around", by=self._by())}
         # The calls are written out, because the values of a tuple may be of several types.
         value = "float(values{})" if self.count == 1 else "float(values[{}])"
         puts = ", ".join(
@@ -91,46 +85,18 @@ class Sensor(SensorGroup, OwnClass):
         return Kernels(compiled(eval(call, parts)), nothing)
 
     @classmethod
-    def arguments(cls) -> tuple[str, ...]:
-        """The names of the arguments of `read`, in its order; a ValueError if one is unknown."""
-        return arguments(cls.what(), cls.read, _OF_READ)
-
-    @classmethod
-    def check_class(cls) -> None:
-        """Check its method `read`; else a ValueError."""
-        super().check_class()
-        cls.arguments()
-
-    def check(self) -> None:
-        """Check what `read` gives for a robot at the origin; else a ValueError."""
-        around = _surroundings()
-        values = {name: eval(how, {"around": around, "math": math, "by": self._by()}) for name, how in _OF_READ.items()}
-        with calling(f"{self.what()}: `read`"):
-            given = type(self).read(**{name: values[name] for name in self.arguments()})  # type: ignore[misc]
-        several = given if isinstance(given, tuple) else (given,)
-        if len(several) != self.count or (self.count > 1) != isinstance(given, tuple):
-            raise ValueError(f"{self.what()}: `read` must give {' and '.join(self.readings)}, it gave {given!r}")
-        for name, value in zip(self.readings, several, strict=True):
-            self.check_value(value, name)
+    def known(cls, method: str) -> Collection[str]:  # noqa: ARG003  # it has one
+        """See `OwnClass`."""
+        return _OF_READ
 
     def check_value(self, value: Any, reading: str) -> None:
-        """Check that a reading lies in [0, 1]; else a SensorError."""
+        """Check that a reading lies in [0, 1]; else a PartError."""
         is_number = isinstance(value, int | float | np.number | np.bool_)
         if not is_number or not 0.0 <= value <= 1.0:
-            raise SensorError(f"sensor {self.name}: {reading} must lie in [0, 1] before the noise, `read` gave {value}")
-
-    def example(self, inputs: int) -> tuple[Any, ...]:
-        """Arguments with which the kernel of the readings can be called by itself."""
-        return _surroundings(inputs), np.zeros((6, 1)), np.zeros(self.count), np.zeros(inputs)
+            raise PartError(f"sensor {self.name}: {reading} must lie in [0, 1] before the noise, `read` gave {value}")
 
     def _by(self) -> Any:
         return namedtuple_of("By", self.settings())(*self.numbers())
-
-
-def _surroundings(inputs: int = 1) -> Surroundings:
-    """Those of a robot at the origin, which looks along x."""
-    lit, walls = lights(1.0, Lamp(), lamp_on=False), np.zeros((1, 4))
-    return Surroundings(0.0, 0.0, 1.0, 0.0, walls, lit, np.zeros(inputs), 0.0, Goal(0.0, 0.3, 0.3), NO_ROBOTS)
 
 
 def own_sensors(groups: Sequence[SensorGroup]) -> list[Sensor]:

@@ -12,6 +12,7 @@ from epuckhebb.controller.ranges import within
 from epuckhebb.tmaze.changes import AT_ONCE, GROUPED, check_changes, check_kind, check_placed, check_put, step_of
 from epuckhebb.tmaze.faults import LONGEST_DELAY
 from epuckhebb.tmaze.goal_signal import GoalSignal
+from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.light import Lamp
 from epuckhebb.tmaze.maze import SIDES, T_MAZE, Box, Maze, Place, Pose, Side, boxes, edges
 from epuckhebb.tmaze.own_fitness import PAPER_FITNESS, Fitness
@@ -78,7 +79,7 @@ class Scenario:
     goal_signal: GoalSignal = field(default_factory=GoalSignal)
     lamp_on: bool | None = None
     placed: Sequence[Box] = ()
-    rate: float = 1.0
+    rate: float = within(0, 10_000, default=1.0)
     put: Pose | None = None
     reset: bool = False
     changes: Sequence[Mapping[str, Any]] = ()
@@ -102,7 +103,7 @@ class Scenario:
             )
         if self.layout and not self.maze.niches:
             raise ValueError(f"scenario.layout = {self.layout} needs niches, and maze {self.maze.name} has none")
-        for key in ("second_lamp", "lamp_on", "rate", "reset"):
+        for key in ("second_lamp", "lamp_on", "reset"):
             check_kind(f"scenario.{key}", getattr(self, key))
         last, dead = self.robot.sensor_numbers - 1, self.dead_sensors
         whole = isinstance(dead, list | tuple) and all(type(number) is int and 0 <= number <= last for number in dead)
@@ -199,3 +200,19 @@ class Scenario:
         for _, change in self.events:
             phases.append((step_of(change), phases[-1][1].changed(change)))
         return phases
+
+    def check_lifetime(self, lifetime: Lifetime) -> None:
+        """Check that the motors reach the gain, and that a lifetime is long enough for the task and all changes."""
+        robot = self.robot
+        self.task.check_time(lifetime.duration_s)
+        if lifetime.gain_rad_s > robot.motor_limit_rad_s:
+            raise ValueError(
+                f"lifetime.gain_rad_s must be more than 0 and at most {robot.motor_limit_rad_s:g}, the fastest of "
+                f"robot {robot.name}, got {lifetime.gain_rad_s}"
+            )
+        for where, change in self.events:
+            if change["at_s"] >= lifetime.duration_s:
+                raise ValueError(
+                    f"{where}.at_s must be less than lifetime.duration_s, {lifetime.duration_s:g} s, got "
+                    f"{change['at_s']}"
+                )

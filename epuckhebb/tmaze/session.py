@@ -5,16 +5,14 @@ lifetimes; with `Session` one can watch a robot, or change its world, between tw
 """
 
 import math
-from typing import Any
 
 import numpy as np
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.errors import NotCompiledError, explained
-from epuckhebb.controller.compiling.kernel import compile_error
-from epuckhebb.controller.forward_pass import neuron_of
 from epuckhebb.controller.genome import NEURON, WEIGHTS
-from epuckhebb.controller.network import initial_weights_of
+from epuckhebb.controller.network import Network, initial_weights_of
+from epuckhebb.controller.own_class import OwnClass, PartError, is_own
 from epuckhebb.controller.plasticity.rule import (
     INITIAL_RANGE,
     InitialWeights,
@@ -24,10 +22,10 @@ from epuckhebb.controller.plasticity.rule import (
 )
 from epuckhebb.controller.plasticity.update import initial_lengths
 from epuckhebb.controller.random import Stream, rng
-from epuckhebb.controller.wiring import NO_NEURONS, WiringError
+from epuckhebb.controller.wiring import NO_NEURONS
 from epuckhebb.tmaze import fitness
 from epuckhebb.tmaze.faults import initial_past
-from epuckhebb.tmaze.individual import Individual
+from epuckhebb.tmaze.individual import Controller, Individual
 from epuckhebb.tmaze.life import (
     INITIAL_BYTES,
     TALLY,
@@ -41,8 +39,7 @@ from epuckhebb.tmaze.life import (
 from epuckhebb.tmaze.lifetime import look
 from epuckhebb.tmaze.maze import Pose, added
 from epuckhebb.tmaze.outcome import Outcome, outcome_of
-from epuckhebb.tmaze.own_fitness import FitnessError, example_arguments, score_of
-from epuckhebb.tmaze.own_sensor import Sensor, own_sensors
+from epuckhebb.tmaze.own_sensor import Sensor
 from epuckhebb.tmaze.reachable import gap
 from epuckhebb.tmaze.robot import STEP_S
 from epuckhebb.tmaze.samples import empty_samples
@@ -176,8 +173,7 @@ class Session:
 
         Raises:
             NotCompiledError: the rule, or another part of the user's, does not compile.
-            FitnessError, SensorError, WiringError: the user's fitness or neurons gave no number, or a sensor none from
-                0 to 1.
+            PartError: the user's fitness or neurons gave no number, or a sensor none from 0 to 1.
             LostRobotError: a pose or a weight stopped being finite; the message says whose and when.
         """
         first = self.steps
@@ -298,24 +294,9 @@ class Session:
         self.check()
 
     def explained(self, error: Exception) -> NotCompiledError:
-        """Whose fault it is that a kernel does not compile: that of a part that does not compile alone, or the rule."""
-        fitness, life, network = self.world.fitness, self.life, self.individual.network
-        rule, wiring = type(self.individual.controller.rule), network.wiring
-        parts: list[Any] = [
-            (sensor, sensor.read, sensor.kernels(0, 0.0).read, sensor.example(network.inputs))
-            for sensor in own_sensors(self.world.robot.sensors)
-        ]
-        if fitness.step is not None:
-            arguments = example_arguments(fitness, life.tally[0], network.inputs)
-            parts.insert(0, (fitness, fitness.step, score_of(type(fitness)), arguments))
-        if wiring is not None:
-            arguments = 0, 0, np.zeros(network.neurons), life.activation, life.neurons
-            parts.append((wiring, wiring.neuron, neuron_of(wiring), arguments))
-        for part, function, block, arguments in parts:
-            alone = compile_error(block, *arguments)
-            if alone is not None:
-                return explained(f"{part.PART} {part.name}", function, alone, "state" * hasattr(part, "state"))
-        return explained(rule.what(), rule.synapse, error, "synapse_state")
+        """Why the kernel does not compile."""
+        who = self.individual
+        return explained(own_parts(who.controller, who.network, self.world), error)
 
     def check(self) -> None:
         """Check that the lifetime still has finite numbers."""
@@ -329,10 +310,10 @@ class Session:
         when = f"at step {tally.step - tally.lost} of {self.lifetime.steps}"
         if not math.isfinite(score):
             name = self.world.fitness.name
-            raise FitnessError(f"fitness {name}: `step` gave infinite or nan values {where}; noticed {when}")
+            raise PartError(f"fitness {name}: `step` gave infinite or nan values {where}; noticed {when}")
         if wiring is not None and not np.isfinite(life.activation).all():
             name = wiring.name
-            raise WiringError(f"wiring {name}: `neuron` gave infinite or nan activations {where}; noticed {when}")
+            raise PartError(f"wiring {name}: `neuron` gave infinite or nan activations {where}; noticed {when}")
         where = f"{where}, controller {who.controller.name},"
         stored = life.weights, life.synapse_state.view(np.float64), tally.weight_change_sum
         if not all(np.isfinite(values).all() for values in stored):
@@ -342,3 +323,10 @@ class Session:
             )
         if tally.lost or not math.isfinite(tally.behaviour_sum + tally.path_length + tally.goal_distance):
             raise LostRobotError(f"{where} the robot's pose stopped being finite or left the arena {when}")
+
+
+def own_parts(controller: Controller, network: Network, world: Scenario) -> list[type[OwnClass]]:
+    """The classes of a lifetime's parts that are the user's own."""
+    parts = (controller.rule, network.wiring, world.fitness, world.task, world.physics, *world.robot.sensors)
+    kinds = [*map(type, parts), *controller.adaptation.parts]
+    return [kind for kind in kinds if isinstance(kind, type) and issubclass(kind, OwnClass) and is_own(kind)]

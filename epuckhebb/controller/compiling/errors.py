@@ -2,7 +2,7 @@
 
 import inspect
 import re
-from collections.abc import Callable
+from collections.abc import Sequence
 from typing import Any
 
 _LINES = 10  # of a message, at most
@@ -14,20 +14,16 @@ class NotCompiledError(ValueError):
     """A plasticity rule or another part cannot be compiled; the message says why."""
 
 
-def explained(what: str, function: Callable[..., Any], error: Exception, stores: str = "") -> NotCompiledError:
-    """The error of a part that does not compile: numba's last reason for the innermost function.
-
-    what: the part, for example `rule oja`. function: its compiled function. stores: the name of its state, if any.
-    """
+def explained(parts: Sequence[Any], error: Exception) -> NotCompiledError:
+    """The error of parts of the user's that do not compile: numba's last reason for the innermost function."""
     text = _COLOUR.sub("", str(error))
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     causes = [number for number, line in enumerate(lines) if line.startswith("Rejected as")]
     reason = [line for line in lines[causes[-1] + 1 if causes else 0 :] if "Failed in nopython mode" not in line]
     reason = reason[: next((number for number, line in enumerate(reason) if line.startswith("During: Pass")), None)]
-    if isinstance(error, KeyError) and stores:
-        reason = [f"`{stores}` has no {text}"]
+    if isinstance(error, KeyError):
+        reason = [f"its state or its settings have no {text}"]
     if _MAKES_AN_ARRAY in text:
-        instead = f": put what it stores into `{stores}`" if stores else ""
-        reason = [f"it makes an array, and `{function.__name__}` has only numbers{instead}"]
-    heading = f"{what} of {inspect.getsourcefile(function)} does not compile:"
-    return NotCompiledError("\n".join([heading, *dict.fromkeys(reason)][:_LINES]))
+        reason = ["it makes an array, and may have only numbers: put what it stores into its state"]
+    names = " or ".join(f"{part.KEY}={inspect.getsourcefile(part)}:{part.__name__}" for part in parts)
+    return NotCompiledError("\n".join([f"{names} does not compile:", *dict.fromkeys(reason)][:_LINES]))

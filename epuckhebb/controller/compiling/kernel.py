@@ -121,15 +121,6 @@ def _stored(made: types.FunctionType, key: str) -> Any:
     return dispatcher
 
 
-def compile_error(function: Callable[..., Any], *arguments: object) -> Exception | None:
-    """Why a building block does not compile for these arguments; None if it does."""
-    try:
-        _njit(**_OPTIONS)(function)(*arguments)
-    except Exception as error:  # of numba, of which there are many kinds
-        return error
-    return None
-
-
 def with_parts(function: Callable[..., Any], parts: dict[str, Any]) -> types.FunctionType:
     """A copy of a function with these parts in place of its module's global names."""
     code = cast(types.FunctionType, function)

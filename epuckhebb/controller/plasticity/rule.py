@@ -1,6 +1,6 @@
 """A plasticity rule: its settings, the state of each synapse, its evolved parameters, and its update."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any, ClassVar
@@ -10,7 +10,7 @@ import numpy as np
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.evolved import Evolved
 from epuckhebb.controller.network import Network
-from epuckhebb.controller.own_class import OwnClass, arguments, name_of
+from epuckhebb.controller.own_class import OwnClass, name_of
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.ranges import within
 from epuckhebb.controller.wiring import LAYERS
@@ -127,15 +127,9 @@ class Rule(OwnClass):
         return parameters
 
     @classmethod
-    def arguments(cls) -> tuple[str, ...]:
-        """The names of the arguments of `synapse`, in its order; a ValueError if one is unknown."""
-        return arguments(cls.what(), cls.synapse, [*QUANTITIES, *coefficient_names(cls)])
-
-    @classmethod
-    def check_class(cls) -> None:
-        """Check its method `synapse`; else a ValueError."""
-        super().check_class()
-        cls.arguments()
+    def known(cls, method: str) -> Collection[str]:  # noqa: ARG003  # it has one
+        """See `OwnClass`."""
+        return [*QUANTITIES, *coefficient_names(cls)]
 
 
 class NoRule(Rule):

@@ -178,7 +178,7 @@ def update_of(rule: type[Rule], network: Network) -> Update:
     if rule is NoRule:
         return zero
     rule.check_class()
-    names, By = rule.arguments(), namedtuple_of("By", rule.settings())
+    names, By = rule.arguments("synapse"), namedtuple_of("By", rule.settings())
     evolved = coefficient_names(rule)
     alike = all(one.per not in ("layer", "synapse", "neuron") for one in rule.evolved.values())  # of all synapses
     how = {

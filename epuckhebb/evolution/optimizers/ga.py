@@ -1,7 +1,7 @@
 """The genetic algorithm of the paper: pure functions of a random generator.
 
-Two presets differ in numbers only (`conf/ga/`): `textbook`, what the paper says, completed by the usual choices, and
-`as_coded`, what its published program does.
+Two presets differ in numbers only (`conf/genetic_algorithms.yaml`): `textbook`, what the paper says, completed by the
+usual choices, and `as_coded`, what its published program does.
 """
 
 from dataclasses import dataclass
@@ -65,11 +65,6 @@ class GA(Algorithm):
     def __post_init__(self) -> None:
         check(self, self.key)
         check_value("ga.elites", self.elites, Range(0, self.population))
-
-    @property
-    def individuals(self) -> int:
-        """The size of a generation."""
-        return self.population
 
     def schedule(self, training: Training, lifetime: Lifetime) -> Schedule:  # noqa: ARG002  # others need them
         """As set, in any worlds."""

@@ -7,8 +7,7 @@ alpha is `learning_rate` times `learning_rate_decay` to the power of the generat
 
 Source: Salimans, Ho, Chen, Sidor & Sutskever, Evolution strategies as a scalable alternative to reinforcement learning,
 2017, with the constants of Najarro & Risi, NeurIPS 2020. Theirs has a population of 200 and 300 generations; here the
-population is smaller, and the robot-steps are those of every optimizer. The random generator is seeded anew for each
-generation.
+population is smaller, and the robot-steps are those of every optimizer.
 
 Evolve and merge: if every synapse has its own rule, the rules are clustered from time to time into half as many
 (k-means), and the synapses of a cluster get its centre as their rule. Source: Pedersen & Risi, Evolving and merging
@@ -26,7 +25,7 @@ from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.genome import GenomePlan
 from epuckhebb.controller.random import Stream
 from epuckhebb.controller.ranges import within
-from epuckhebb.evolution.optimizer import CANDIDATES, EvolutionStrategy, initial, units
+from epuckhebb.evolution.optimizer import EvolutionStrategy
 
 
 @dataclass(kw_only=True)
@@ -35,8 +34,8 @@ class OpenEs(EvolutionStrategy):
 
     learning_rate: alpha. learning_rate_decay: factor on it after each generation. merges: how often the rules of
     synapses are merged into half as many, each time after `merge_every` generations. For the others, see
-    `EvolutionStrategy`; population is even, and sigma is constant. Genes are in units of their part's start.
-    `_generations`: those evaluated so far. `_rule_of`: for each synapse the first that has the same rule.
+    `EvolutionStrategy`; population is even, and sigma is constant. `_rule_of`: for each synapse the first that has the
+    same rule.
     """
 
     population: int = within(2, default=40)
@@ -58,61 +57,43 @@ class OpenEs(EvolutionStrategy):
 
     def start(self, plan: GenomePlan, seed: int) -> None:
         """See `Algorithm`."""
-        self._plan, self._seed, self._unit = plan, seed, units(plan)
-        self._bound = self.limits(plan) / self._unit
-        self._generations, self._mean = 0, np.zeros(plan.genes)
+        super().start(plan, seed)
         self._rules = _rules(plan) if self.merges else np.empty((0, 0), np.int64)
         self._rule_of = np.arange(self._rules.shape[1])
 
-    def ask(self) -> Floats:
-        """First random genomes, then pairs on both sides of the mean."""
-        rng = random.rng(self._seed, Stream.variation, self._generations)
-        if self._generations == 0:
-            self._population = initial(rng, self.starts, self._plan) / self._unit
-        else:
-            noise = rng.standard_normal((self.population // 2, self._plan.genes))
-            noise[:, self._rules] = noise[:, self._rules[:, self._rule_of]]
-            self._noise = np.concatenate([noise, -noise])
-            wanted = self._mean + self.sigma * self._noise
-            self._population = np.clip(wanted, -self._bound, self._bound)
-        return self._population * self._unit
+    def _sample(self, rng: np.random.Generator) -> Floats:
+        """Pairs on both sides of the mean."""
+        noise = rng.standard_normal((self.population // 2, self._plan.genes))
+        noise[:, self._rules] = noise[:, self._rules[:, self._rule_of]]
+        self._noise = np.concatenate([noise, -noise])
+        population: Floats = np.clip(self._mean + self.sigma * self._noise, -self._bound, self._bound)
+        return population
 
-    def tell(self, fitness: Floats) -> None:
-        """Start at the fittest, or move the mean towards the fitter half."""
+    def _move(self, fitness: Floats) -> Floats:
+        """Move the mean by ranks, and merge rules when it is time."""
         order = np.argsort(-fitness, kind="stable")
-        self._ranked = self._population[order]
-        if self._generations == 0:
-            self._mean = np.clip(self._ranked[0], -self._bound, self._bound)
-        else:
-            count, rate = len(order), self.learning_rate
-            rate *= self.learning_rate_decay ** (self._generations - 1)
-            ranks = np.linspace(0.5, -0.5, count)
-            towards = (ranks[:, None] * self._noise[order]).sum(axis=0)  # genes that are alike stay bit-identical
-            self._mean = self._mean + rate / (count * self.sigma) * towards
-            self._mean = np.clip(self._mean, -self._bound, self._bound)
-            if self._generations % self.merge_every == 0 and self._generations <= self.merges * self.merge_every:
-                self._merge()
-        self._generations += 1
+        rate = self.learning_rate * self.learning_rate_decay ** (self._generations - 1)
+        ranks = np.linspace(0.5, -0.5, len(order))
+        towards = (ranks[:, None] * self._noise[order]).sum(axis=0)  # genes that are alike stay bit-identical
+        mean: Floats = np.clip(self._mean + rate / (len(order) * self.sigma) * towards, -self._bound, self._bound)
+        if self._generations % self.merge_every == 0 and self._generations <= self.merges * self.merge_every:
+            self._merge(mean)
+        return mean
 
-    def _merge(self) -> None:
+    def _merge(self, mean: Floats) -> None:
         """Cluster the rules into half as many; the synapses of a cluster then have its centre as their rule."""
         from scipy.cluster.vq import kmeans2
 
         firsts, place = np.unique(self._rule_of, return_inverse=True)
-        rules = self._mean[self._rules[:, firsts]].T
+        rules = mean[self._rules[:, firsts]].T
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a cluster may be empty
             centres, cluster = kmeans2(
                 rules, -(-len(rules) // 2), minit="++", rng=random.rng(self._seed, Stream.merging, self._generations)
             )
-        cluster_of = cluster[place]
-        self._mean[self._rules] = centres[cluster_of].T
-        first_of = {number: synapse for synapse, number in reversed(list(enumerate(cluster_of.tolist())))}
-        self._rule_of = np.array([first_of[number] for number in cluster_of.tolist()])
-
-    def candidates(self) -> Floats:
-        """The mean, and the two fittest."""
-        return np.array([self._mean, *self._ranked[: CANDIDATES - 1]]) * self._unit
+        mean[self._rules] = centres[cluster[place]].T
+        _, first, cluster_of = np.unique(cluster[place], return_index=True, return_inverse=True)
+        self._rule_of = first[cluster_of]
 
 
 def _rules(plan: GenomePlan) -> NDArray[np.int64]:
