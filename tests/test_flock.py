@@ -11,8 +11,9 @@ import pytest
 from cases import contents, done, refused
 
 from epuckhebb import Coupling
+from epuckhebb.controller.own_class import PartError
 from epuckhebb.flock import tables
-from epuckhebb.flock.coupling import CouplingError, Moment, changed, shuffled, transfer_entropy
+from epuckhebb.flock.coupling import Moment, changed, shuffled, transfer_entropy
 from epuckhebb.flock.couplings.frozen import Frozen
 from epuckhebb.flock.couplings.live_fitness import LiveFitness
 from epuckhebb.flock.couplings.oracle import Oracle
@@ -83,7 +84,7 @@ def test_a_coupling_without_weights_is_refused(gives, message):
         def weights(self, now):
             return gives if isinstance(gives, list) else now.weights * gives
 
-    with pytest.raises(CouplingError, match=message):
+    with pytest.raises(PartError, match=message):
         changed(Wrong(), NOW)
 
 

@@ -9,9 +9,9 @@ import pytest
 from epuckhebb import Lifetime, Sensor
 from epuckhebb.config import plugins
 from epuckhebb.controller.network import Network
+from epuckhebb.controller.own_class import PartError
 from epuckhebb.tmaze.batch import run_lifetimes
 from epuckhebb.tmaze.individual import Individual
-from epuckhebb.tmaze.own_sensor import SensorError
 from epuckhebb.tmaze.robot import EPUCK, Robot
 from epuckhebb.tmaze.scenario import Scenario
 
@@ -82,5 +82,5 @@ class Far(Sensor):
 
 @pytest.mark.thorough
 def test_a_reading_outside_0_to_1_ends_the_run(genomes):
-    with pytest.raises(SensorError, match=r"sensor Far: reading must lie in \[0, 1\] .*, `read` gave 1\."):
+    with pytest.raises(PartError, match=r"sensor Far: reading must lie in \[0, 1\] .*, `read` gave 1\."):
         recorded(genomes[0], Far(), seconds=60)

@@ -24,6 +24,10 @@ _OURS = Path(__file__).parents[1]
 namedtuple_of: Any = namedtuple  # mypy wants the names of the fields written out
 
 
+class PartError(ValueError):
+    """A part of the user's failed, or gave what it may not give; the message says which, and what it gave."""
+
+
 class OwnClass:
     """A dataclass whose fields are its settings, with functions of which one at least is the user's.
 
@@ -89,7 +93,7 @@ class OwnClass:
 
 
 @contextmanager
-def calling(what: str, error: type[ValueError] = ValueError) -> Iterator[None]:
+def calling(what: str) -> Iterator[None]:
     """Turn whatever a function of the user's raises into an error that names it and the line. what: it, in messages."""
     try:
         yield
@@ -99,7 +103,7 @@ def calling(what: str, error: type[ValueError] = ValueError) -> Iterator[None]:
         frames = traceback.extract_tb(reason.__traceback__)
         lines = [frame.lineno for frame in frames if not Path(frame.filename).is_relative_to(_OURS)]
         where = f" in line {lines[0]}" if lines else ""
-        raise error(f"{what} failed{where}: {type(reason).__name__}: {reason}") from reason
+        raise PartError(f"{what} failed{where}: {type(reason).__name__}: {reason}") from reason
 
 
 def names_in(package: ModuleType) -> list[str]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.evolved import Evolved
-from epuckhebb.controller.own_class import OwnClass, stored
+from epuckhebb.controller.own_class import OwnClass, PartError, stored
 
 MOST_SYNAPSES = 100_000  # more is surely a typing error
 LAYERS = "mlp"  # what a network without a wiring is called
@@ -26,10 +26,6 @@ OF_NEURON = {  # the arguments that `neuron` may have besides its evolved parame
     "by": "by",
 }
 _PER = ("network", "neuron")
-
-
-class WiringError(ValueError):
-    """The neurons of a wiring gave no numbers; the message says which."""
 
 
 class Neurons(NamedTuple):
@@ -120,7 +116,7 @@ class Wiring(OwnClass):
         for row, (name, evolved) in zip(parameters, self.evolved.items(), strict=True):
             value = genes[name] if evolved.value is None else np.asarray(evolved.value(genes[name]))
             if value.shape not in (genes[name].shape, ()) or not np.isfinite(value).all():
-                raise WiringError(
+                raise PartError(
                     f"wiring {self.name}: `value` of {name} must give {genes[name].size} finite numbers, got {value}"
                 )
             row[:] = value

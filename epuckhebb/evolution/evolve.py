@@ -78,7 +78,7 @@ def evolve(
     lifetimes, with any optimizer. given: the genes of a champion's network, if only the rule is evolved.
 
     Raises:
-        OptimizerError: the optimizer failed, or asked for what is no genome.
+        PartError: the optimizer failed, or asked for what is no genome.
         LostRobotError: a pose or a weight stopped being finite.
     """
     generations, loops = optimizer.schedule(training, lifetime)

@@ -16,7 +16,7 @@ import numpy as np
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.genome import GenomePlan
-from epuckhebb.controller.own_class import calling, is_own
+from epuckhebb.controller.own_class import PartError, calling, is_own
 from epuckhebb.evolution.optimizer import Algorithm, Optimizer
 from epuckhebb.tmaze.own_fitness import OF_OUTCOME
 
@@ -24,10 +24,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _FITNESS = "fitness"
-
-
-class OptimizerError(ValueError):
-    """An optimizer failed, or asked for what is no genome; the message says which, and what it asked."""
 
 
 class Results(NamedTuple):
@@ -55,7 +51,7 @@ class Search:
         for number, results in enumerate(log):
             self.ask()
             if self._digest != results.digest:
-                raise OptimizerError(
+                raise PartError(
                     f"optimizer {optimizer.name} asks for other genomes than before in generation {number}: it depends "
                     "on more than its seed and the results, or a library or the machine is another"
                 )
@@ -87,7 +83,7 @@ class Search:
         """What the optimizer has to show, by name."""
         tables = self._do("tables")
         if not isinstance(tables, Mapping) or not all(hasattr(table, "to_csv") for table in tables.values()):
-            raise OptimizerError(f"optimizer {self._settings.name}: `tables` must return data frames by name")
+            raise PartError(f"optimizer {self._settings.name}: `tables` must return data frames by name")
         return dict(tables)
 
     def _genomes(self, method: str, given: Any, most: float = math.inf) -> Floats:
@@ -104,14 +100,14 @@ class Search:
                 given = f"{genomes.min():g} to {genomes.max():g}"
             else:
                 given = f"shape {genomes.shape}"
-        raise OptimizerError(
+        raise PartError(
             f"optimizer {optimizer.name}: `{method}` must return genomes, an array of 1 to {most:g} rows with {genes} "
             f"finite numbers within their limits (optimizer.gene_limit), got {given}"
         )
 
     def _do(self, method: str, *arguments: Any, **named: Any) -> Any:
         """Call a method of the optimizer."""
-        with calling(f"optimizer {self._settings.name}: `{method}`", OptimizerError):
+        with calling(f"optimizer {self._settings.name}: `{method}`"):
             return getattr(self._optimizer, method)(*arguments, **named)
 
 
@@ -119,7 +115,7 @@ def check_start(optimizer: Algorithm, plan: GenomePlan, seed: int) -> None:
     """Check that an optimizer starts, and asks for the same genomes when it is started again."""
     first, again = (Search(optimizer, plan, seed).ask() for _ in range(2))
     if not np.array_equal(first, again):
-        raise OptimizerError(
+        raise PartError(
             f"optimizer {optimizer.name} asks for other genomes with the same seed, so no run could be repeated; draw "
             "all random numbers from the seed that `start` is given"
         )

@@ -10,12 +10,8 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.own_class import OwnClass, calling
+from epuckhebb.controller.own_class import OwnClass, PartError, calling
 from epuckhebb.controller.ranges import within
-
-
-class CouplingError(ValueError):
-    """A coupling gave no weights; the message says which, and what it gave."""
 
 
 class Moment(NamedTuple):
@@ -62,17 +58,17 @@ def changed(coupling: Coupling, now: Moment) -> Floats:
     """The couplings after a change; a robot that listens to nobody has zeros.
 
     Raises:
-        CouplingError: the coupling failed, or its weights are not finite, negative, or not as many as pairs.
+        PartError: the coupling failed, or its weights are not finite, negative, or not as many as pairs.
     """
     name, count = type(coupling).__name__, len(now.fitness)
-    with calling(f"coupling {name}", CouplingError):
+    with calling(f"coupling {name}"):
         given = np.array(coupling.weights(now), float)
     if given.shape != (count, count):
-        raise CouplingError(f"coupling {name} must give {count} rows of {count} weights, it gave shape {given.shape}")
+        raise PartError(f"coupling {name} must give {count} rows of {count} weights, it gave shape {given.shape}")
     np.fill_diagonal(given, 0.0)
     if not np.isfinite(given).all() or (given < 0.0).any():
         wrong = given[~(np.isfinite(given) & (given >= 0.0))][0]
-        raise CouplingError(f"coupling {name} must give finite weights of 0 or more, it gave {wrong:g}")
+        raise PartError(f"coupling {name} must give finite weights of 0 or more, it gave {wrong:g}")
     sums = given.sum(axis=1, keepdims=True)
     return given * ((count - 1) / np.where(sums > 0.0, sums, 1.0))
 

@@ -179,7 +179,7 @@ def run(flock: Flock, coupling: Coupling, seed: int, *, other: bool = False) -> 
     other: whether the coupling is given the transfer entropy of other pairs and the fitness of other robots.
 
     Raises:
-        CouplingError: the coupling gave no weights.
+        PartError: the coupling gave no weights.
     """
     count, broken = flock.robots, flock.broken
     drawn, mixing = rng(seed, Stream.flock, 0), rng(seed, Stream.flock, 1)

@@ -29,10 +29,10 @@ from epuckhebb.config import (
 )
 from epuckhebb.controller.genome import GenomePlan, plan_of
 from epuckhebb.controller.network import Network
-from epuckhebb.controller.own_class import name_of
+from epuckhebb.controller.own_class import PartError, name_of
 from epuckhebb.controller.plasticity.rule import NoRule
 from epuckhebb.evolution.evolve import Generation, evolve
-from epuckhebb.evolution.search import OptimizerError, Search, check_start
+from epuckhebb.evolution.search import Search, check_start
 from epuckhebb.runs import hydra
 from epuckhebb.runs.evaluate import check_sensors, compile_for
 from epuckhebb.runtime import Bar, ConfigError, path_of, say, thread_count
@@ -148,7 +148,7 @@ def prepare_evolution(config: EvolveConfig, *, has_genome: bool = True) -> Prepa
         given = genome.network_genes
     try:
         check_start(config.algorithm, config.plan, config.seed)
-    except OptimizerError as error:
+    except PartError as error:
         raise ConfigError(str(error)) from error
     return PreparedEvolution(config=config, network=network, plan=plan, given=given)
 

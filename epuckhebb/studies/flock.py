@@ -15,10 +15,11 @@ import pandas as pd
 
 from epuckhebb.analysis.tables import Table
 from epuckhebb.config import MOST_THREADS, Plain, from_values, load, part_class, part_from, part_settings, register
+from epuckhebb.controller.own_class import PartError
 from epuckhebb.controller.ranges import check as check_ranges
 from epuckhebb.controller.ranges import within
 from epuckhebb.flock import replay, tables
-from epuckhebb.flock.coupling import Coupling, CouplingError
+from epuckhebb.flock.coupling import Coupling
 from epuckhebb.flock.couplings.frozen import Frozen
 from epuckhebb.flock.couplings.oracle import Oracle
 from epuckhebb.flock.plane import CHANGE_S, Flock, Record, run
@@ -254,5 +255,5 @@ def _run_all(tasks: Sequence[tuple[Row, Flock, int]], threads: int) -> list[Reco
     try:
         with ThreadPoolExecutor(threads) as pool:
             return list(pool.map(one, tasks))
-    except CouplingError as error:
+    except PartError as error:
         raise ConfigError(f"flock.coupling: {error}") from error

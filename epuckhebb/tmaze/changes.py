@@ -5,7 +5,6 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields
 from functools import cache
 from typing import Any
 
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.ranges import Range, check_value
 from epuckhebb.tmaze.goal_signal import GoalSignal
 from epuckhebb.tmaze.light import Lamp
 from epuckhebb.tmaze.maze import SIDES, Box, Maze, Pose, boxes
@@ -32,19 +32,11 @@ CHANGEABLE = (
 )
 MOST_BLOCKS = 20
 SMALLEST_M, LARGEST_M = 0.005, 0.5  # sides of a block
-_HIGHEST_RATE = 10_000.0  # times the base rate
-
-
-def is_number(value: object) -> bool:
-    """Whether a value is a number; True and False are none."""
-    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _are_numbers(value: Any, count: int) -> bool:
     return (
-        isinstance(value, list | tuple)
-        and len(value) == count
-        and all(is_number(number) and math.isfinite(number) for number in value)
+        isinstance(value, list | tuple) and len(value) == count and all(number in Range(-math.inf) for number in value)
     )
 
 
@@ -53,22 +45,8 @@ def _are_goals(value: Any) -> bool:
     return value is None or (sides and all(_are_numbers(place, 2) for place in value.values()))
 
 
-def _are_in(kind: type) -> tuple[Callable[[Any], bool], str]:
-    known = [field.name for field in fields(kind)]
-    return (
-        lambda given: isinstance(given, Mapping) and set(given) <= set(known) and all(map(is_number, given.values())),
-        f"numbers for any of {', '.join(known)}",
-    )
-
-
 _KINDS: dict[str, tuple[Callable[[Any], bool], str]] = {  # what a value must be
-    **dict.fromkeys(("light", "sun_turn_deg", "wall_friction", *FAULTS), (is_number, "a number")),
     **dict.fromkeys(("obstacles", "layout", *STEPS), (lambda value: type(value) is int, "a whole number")),
-    **{key: _are_in(kind) for key, kind in GROUPED.items()},
-    "rate": (
-        lambda value: is_number(value) and 0 <= value <= _HIGHEST_RATE,
-        f"a number from 0 to {_HIGHEST_RATE:g}, the factor on N",
-    ),
     "lamp_on": (lambda value: value is None or isinstance(value, bool), "true, false, or null for what the side says"),
     "reset": (lambda value: isinstance(value, bool), "true or false"),
     "second_lamp": (
@@ -102,8 +80,7 @@ def check_changes(key: str, changes: Sequence[Mapping[str, Any]]) -> None:
                 f"got {', '.join(map(str, change)) or 'nothing'}"
             )
         at_s = change["at_s"]
-        if not (is_number(at_s) and math.isfinite(at_s) and at_s > last):
-            raise ValueError(f"{where}.at_s must be more than {last:g} s, the time before it, got {at_s}")
+        check_value(f"{where}.at_s", at_s, Range(last, above=True))
         last = at_s
 
 

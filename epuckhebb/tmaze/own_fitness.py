@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.controller.compiling.kernel import zero
-from epuckhebb.controller.own_class import OwnClass, calling, number_of
+from epuckhebb.controller.own_class import OwnClass, PartError, calling, number_of
 
 PAPER = "paper"
 _OF_STEP = {  # the arguments that `step` may have, and how the kernel has them
@@ -52,10 +52,6 @@ _OF_LIFE = ("paper", *OF_OUTCOME, "trials", "by")  # the arguments that `life` m
 _WITH_STEP = ("mean", "state")  # and those that only `step` makes
 
 Score = Callable[..., float]
-
-
-class FitnessError(ValueError):
-    """A fitness gave no number; the message says which, and what it gave."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,19 +115,19 @@ class Fitness(OwnClass):
         """The fitness of a lifetime. facts: the values of the arguments `paper` to `trials`, and others, by name.
 
         Raises:
-            FitnessError: `life` failed, or its result is no finite number.
+            PartError: `life` failed, or its result is no finite number.
         """
         mean: float = float(state["sum"][0]) / facts["steps"]
         if not math.isfinite(mean):
-            raise FitnessError(f"fitness {self.name}: the values of its steps have the mean {mean}")
+            raise PartError(f"fitness {self.name}: the values of its steps have the mean {mean}")
         if self.life is None:
             return mean
         known = {**facts, "mean": mean, "state": state.view(np.recarray)[0], "by": self}
-        with calling(f"fitness {self.name}: `life`", FitnessError):
+        with calling(f"fitness {self.name}: `life`"):
             value: Any = self.life(**{name: known[name] for name in self.arguments("life")})
         is_number = isinstance(value, int | float | np.number | np.bool_)
         if not is_number or not math.isfinite(value):
-            raise FitnessError(f"fitness {self.name}: `life` must return a finite number, it returned {value!r}")
+            raise PartError(f"fitness {self.name}: `life` must return a finite number, it returned {value!r}")
         return float(value)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled, nothing
-from epuckhebb.controller.own_class import OwnClass, call_of, namedtuple_of
+from epuckhebb.controller.own_class import OwnClass, PartError, call_of, namedtuple_of
 from epuckhebb.controller.ranges import within
 from epuckhebb.tmaze.sensors import Kernels, SensorGroup, Surroundings
 
@@ -22,10 +22,6 @@ _OF_READ = {  # the arguments that `read` may have, and how the kernel has them
     "walls": "around.walls",
     "by": "by",
 }
-
-
-class SensorError(ValueError):
-    """A sensor gave a reading outside 0 to 1; the message says which."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,10 +90,10 @@ class Sensor(SensorGroup, OwnClass):
         return _OF_READ
 
     def check_value(self, value: Any, reading: str) -> None:
-        """Check that a reading lies in [0, 1]; else a SensorError."""
+        """Check that a reading lies in [0, 1]; else a PartError."""
         is_number = isinstance(value, int | float | np.number | np.bool_)
         if not is_number or not 0.0 <= value <= 1.0:
-            raise SensorError(f"sensor {self.name}: {reading} must lie in [0, 1] before the noise, `read` gave {value}")
+            raise PartError(f"sensor {self.name}: {reading} must lie in [0, 1] before the noise, `read` gave {value}")
 
     def _by(self) -> Any:
         return namedtuple_of("By", self.settings())(*self.numbers())

@@ -79,7 +79,7 @@ class Scenario:
     goal_signal: GoalSignal = field(default_factory=GoalSignal)
     lamp_on: bool | None = None
     placed: Sequence[Box] = ()
-    rate: float = 1.0
+    rate: float = within(0, 10_000, default=1.0)
     put: Pose | None = None
     reset: bool = False
     changes: Sequence[Mapping[str, Any]] = ()
@@ -103,7 +103,7 @@ class Scenario:
             )
         if self.layout and not self.maze.niches:
             raise ValueError(f"scenario.layout = {self.layout} needs niches, and maze {self.maze.name} has none")
-        for key in ("second_lamp", "lamp_on", "rate", "reset"):
+        for key in ("second_lamp", "lamp_on", "reset"):
             check_kind(f"scenario.{key}", getattr(self, key))
         last, dead = self.robot.sensor_numbers - 1, self.dead_sensors
         whole = isinstance(dead, list | tuple) and all(type(number) is int and 0 <= number <= last for number in dead)

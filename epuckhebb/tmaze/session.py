@@ -12,7 +12,7 @@ from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.errors import NotCompiledError, explained
 from epuckhebb.controller.genome import NEURON, WEIGHTS
 from epuckhebb.controller.network import Network, initial_weights_of
-from epuckhebb.controller.own_class import OwnClass, is_own
+from epuckhebb.controller.own_class import OwnClass, PartError, is_own
 from epuckhebb.controller.plasticity.rule import (
     INITIAL_RANGE,
     InitialWeights,
@@ -22,7 +22,7 @@ from epuckhebb.controller.plasticity.rule import (
 )
 from epuckhebb.controller.plasticity.update import initial_lengths
 from epuckhebb.controller.random import Stream, rng
-from epuckhebb.controller.wiring import NO_NEURONS, WiringError
+from epuckhebb.controller.wiring import NO_NEURONS
 from epuckhebb.tmaze import fitness
 from epuckhebb.tmaze.faults import initial_past
 from epuckhebb.tmaze.individual import Controller, Individual
@@ -39,7 +39,6 @@ from epuckhebb.tmaze.life import (
 from epuckhebb.tmaze.lifetime import look
 from epuckhebb.tmaze.maze import Pose, added
 from epuckhebb.tmaze.outcome import Outcome, outcome_of
-from epuckhebb.tmaze.own_fitness import FitnessError
 from epuckhebb.tmaze.own_sensor import Sensor
 from epuckhebb.tmaze.reachable import gap
 from epuckhebb.tmaze.robot import STEP_S
@@ -174,8 +173,7 @@ class Session:
 
         Raises:
             NotCompiledError: the rule, or another part of the user's, does not compile.
-            FitnessError, SensorError, WiringError: the user's fitness or neurons gave no number, or a sensor none from
-                0 to 1.
+            PartError: the user's fitness or neurons gave no number, or a sensor none from 0 to 1.
             LostRobotError: a pose or a weight stopped being finite; the message says whose and when.
         """
         first = self.steps
@@ -312,10 +310,10 @@ class Session:
         when = f"at step {tally.step - tally.lost} of {self.lifetime.steps}"
         if not math.isfinite(score):
             name = self.world.fitness.name
-            raise FitnessError(f"fitness {name}: `step` gave infinite or nan values {where}; noticed {when}")
+            raise PartError(f"fitness {name}: `step` gave infinite or nan values {where}; noticed {when}")
         if wiring is not None and not np.isfinite(life.activation).all():
             name = wiring.name
-            raise WiringError(f"wiring {name}: `neuron` gave infinite or nan activations {where}; noticed {when}")
+            raise PartError(f"wiring {name}: `neuron` gave infinite or nan activations {where}; noticed {when}")
         where = f"{where}, controller {who.controller.name},"
         stored = life.weights, life.synapse_state.view(np.float64), tally.weight_change_sum
         if not all(np.isfinite(values).all() for values in stored):
