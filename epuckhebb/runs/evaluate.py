@@ -320,9 +320,10 @@ def evaluate_into(
         try:
             from epuckhebb.analysis.figures import trajectories
             from epuckhebb.analysis.image import image
-            from epuckhebb.runs import figures
 
             if has_trials:
+                from epuckhebb.runs import figures
+
                 drawn = figures.reversal(config, genome.name, shares, trials)
                 run.write(f"figures/reversal.{kind}", image(drawn, kind))
             if recorded:

@@ -242,12 +242,6 @@ def study_job(cfg: Any) -> None:
     do_job(cfg, study_named)
 
 
-def load_studies() -> None:
-    """Load the studies of the program, which registers their keys."""
-    for command in ("flock", "leaderboard", "reproduce"):
-        study_named(command)
-
-
 def study_named(reference: str) -> type[Study]:
     """The class of a study by its command, or by FILE.py:NAME."""
     if ":" in reference:
