@@ -115,7 +115,7 @@ def test_both_bundled_champions_load():
         (lambda: epuckhebb.evaluate("reference", config_dir="nowhere"), "nowhere is no folder"),
         (lambda: epuckhebb.evaluate("reference", adaptation=epuckhebb.Adaptation(homeostasis=True)), "needs a name"),
         (lambda: epuckhebb.evolve(hebbian=epuckhebb.Hebbian(N=0.1)), "cannot be an object"),
-        (lambda: epuckhebb.evaluate("scenario=base"), "scenario=base is no genome; give that first"),
+        (lambda: epuckhebb.evaluate("scenario=base"), "genome=scenario=base does not exist"),
         (lambda: epuckhebb.evaluate("reference", scenario=["base", "lowlight"]), "scenario must be one"),
         (lambda: epuckhebb.evolve("reference"), "overrides are texts such as"),
         (lambda: epuckhebb.sweep("reference", over=["hebbian.N"]), "over must be keys with their values"),
