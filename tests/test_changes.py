@@ -91,7 +91,7 @@ def test_a_change_takes_effect_at_its_step_and_not_before(run_lifetime, constant
     still = constant(0.01, 0.01)
     _, plain = run_lifetime(still, side, scenario=Scenario(), **settings)
     _, other = run_lifetime(still, side, scenario=changed({"at_s": at_s, **change}), **settings)
-    for one, two in zip(plain, other, strict=True):
+    for one, two in zip(plain[:-1], other[:-1], strict=True):  # but for when each world began
         assert one[:step].tobytes() == two[:step].tobytes()
     one, two = getattr(plain, seen_in)[step:], getattr(other, seen_in)[step:]
     assert (one[later] != two[later]).any()
@@ -172,7 +172,7 @@ def test_changes_agree_with_the_oracle(genomes, beside_the_oracle):
         ([{"at_s": 1, "goals": {"left": (-0.3, 0.3)}}], r"changes\[0\]: the goal of the left, .* cannot be reached"),
         (
             [{"at_s": 1, "dead_sensors": [1, 1]}],
-            r"changes\[0\]: scenario.dead_sensors must .* each once, .* got \[1,1\]",
+            r"changes\[0\]: scenario.dead_sensors must .* each once, .* got \(1, 1\)",
         ),
     ],
 )

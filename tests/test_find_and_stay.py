@@ -68,9 +68,9 @@ def nominal():
     return measure_nominal(CHAMPION.weights, config("scenario=base").world)
 
 
-def run(nominal, *overrides, side="right", world="scenario=base_lamp_gone", seconds=250.0):
+def run(nominal, *overrides, side="right", world="scenario=base change=[lamp_gone]", seconds=250.0):
     """A lifetime; without its lamp the champion goes to the wrong end."""
-    settings = config(world, *overrides)
+    settings = config(*world.split(), *overrides)
     (controller,) = settings.controllers
     individual = Individual(
         genes=CHAMPION.genes, side=side, key=KEY, controller=controller, nominal=nominal.of(side), record=True

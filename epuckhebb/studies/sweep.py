@@ -145,11 +145,11 @@ def figures(run: Run) -> dict[str, "Figure"]:
     """The figures of the tables over all lifetimes in a folder of a sweep or a multirun."""
     from epuckhebb.analysis import charts  # matplotlib takes a while to load
 
-    drawn = {"dose_response": ("doses.csv", charts.rates), "rescue_and_harm": (_RESCUE, charts.rescue_over_all)}
+    drawn = {
+        "dose_response": ("doses.csv", charts.rates),
+        "rescue_and_harm": ("rescue_over_all.csv", charts.rescue_over_all),
+    }
     return {name: draw(run.table(file)) for name, (file, draw) in drawn.items() if run.has(file)}
-
-
-_RESCUE = "rescue_over_all.csv"
 
 
 def _write_over_all(folder: Path, write: Callable[[str, bytes | str | pd.DataFrame], None], gathered: Gathered) -> None:
@@ -164,12 +164,12 @@ def _write_over_all(folder: Path, write: Callable[[str, bytes | str | pd.DataFra
         write("over_champions.csv", summary.over_champions(rows, settings))
     if (doses := summary.dose_response(rows, settings)) is not None:
         write("doses.csv", doses)
-    if (found := summary.rescue_and_harm(rows)) is not None:
-        tables, page = found
+    if (harm := summary.rescue_and_harm(rows)) is not None:
+        tables, page = harm
         for name, table in tables.items():
             write(f"{name}.csv", table)
         write("report.md", page)
-    if doses is not None or found is not None:
+    if doses is not None or harm is not None:
         from epuckhebb.analysis.image import image  # matplotlib takes a while to load
 
         for name, figure in figures(Run(folder)).items():
