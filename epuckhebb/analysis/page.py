@@ -22,10 +22,7 @@ def filled(template: Path) -> tuple[str, str, str]:
 
 
 def policy(*, style: str, script: str | None = None) -> str:
-    """The policy of a page with this style and this script, whatever a title or a name in it says.
-
-    The page may load nothing; only this style and this script act; pictures are in the page.
-    """
+    """The policy of a page: it may load nothing, and only this style and this script act."""
     acts = f"script-src '{_hash(script)}'; " if script is not None else ""
     return f"default-src 'none'; img-src data:; style-src '{_hash(style)}'; {acts}base-uri 'none'; form-action 'none'"
 

@@ -34,9 +34,8 @@ from epuckhebb.controller.plasticity.rule import NoRule, Rule
 from epuckhebb.evolution.evolve import history_row
 from epuckhebb.live.server import Play
 from epuckhebb.runs import EvolutionProgress, as_evolved, prepare_evaluation, prepare_evolution
-from epuckhebb.runtime import LATEST, Bar, ConfigError, be_quiet, say, thread_count
+from epuckhebb.runtime import Bar, ConfigError, be_quiet, say, thread_count
 from epuckhebb.store import Genome, checked_genes, load_genome, resolve_run
-from epuckhebb.tmaze.maze import SIDES
 
 Genes = NDArray[np.float64]
 
@@ -83,10 +82,7 @@ def evaluate(
     rule = keys.pop("hebbian") if isinstance(keys.get("hebbian"), Rule) else None
     folder, words = _folder(config_dir), overrides_of(overrides, keys)
     if isinstance(genome, str | Path):
-        if "=" in str(genome) and not Path(genome).exists():
-            raise ConfigError(f"{genome} is no genome; give that first: evaluate('reference', {str(genome)!r})")
-        path = resolve_run(genome, "evolve") if str(genome) == LATEST else genome
-        words = as_evolved([*words, f"genome={quoted(str(path))}"], folder)
+        words = as_evolved([*words, f"genome={quoted(str(resolve_run(genome, 'evolve')))}"], folder)
     config = load_config(EvaluateConfig, words, folder)
     if rule is not None:
         if rule.N == 0 and not isinstance(rule, NoRule):
@@ -159,11 +155,9 @@ def play(
         The live world: `.address` of its page, `.open()` it in a new tab, `.close()` ends it. Runs that the page saves
         are in `runs/evaluate/`.
     """
-    if side not in SIDES:
-        raise ConfigError(f"side must be {' or '.join(SIDES)}, got {side!r}")
-    folder, path = _folder(config_dir), resolve_run(genome, "evolve") if str(genome) == LATEST else genome
+    folder, path = _folder(config_dir), resolve_run(genome, "evolve")
     words = as_evolved([f"genome={quoted(str(path))}", *overrides_of(overrides, keys)], folder)
-    return Live(Play(words, "right" if side == "right" else "left", folder))
+    return Live(Play(words, side, folder))
 
 
 def sweep(
@@ -204,8 +198,7 @@ def sweep(
             settings = {key: _label(key, value) for key, value in job.items()}
             bar.show(number, ", ".join(f"{key}={value}" for key, value in settings.items()))
             quick = {"lifetime.record_every": 0, **keys, **job}
-            given = quick.pop("genome", genome)
-            result = evaluate(given, *overrides, config_dir=config_dir, progress=False, **quick)
+            result = evaluate(quick.pop("genome", genome), *overrides, config_dir=config_dir, progress=False, **quick)
             sha256, ids = result.genome.sha256, result.prepared.lifetime_ids
             evaluations.append(Evaluated(settings=settings, sha256=sha256, ids=ids, rows=result.metrics))
     gathered = gather(evaluations)

@@ -13,10 +13,11 @@ import pandas as pd
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from epuckhebb.analysis import figures, replay, reversal, tables
+from epuckhebb.analysis import figures, reversal, tables
 from epuckhebb.analysis.evaluate import TRIALS, Traces
 from epuckhebb.analysis.image import KINDS, image
 from epuckhebb.config import EvaluateConfig
+from epuckhebb.export.replay import Recording, page_of
 from epuckhebb.live.server import Play
 from epuckhebb.runs import PreparedEvaluation, caption, notes_of
 from epuckhebb.runtime import ConfigError
@@ -58,11 +59,6 @@ class Page:
         write_atomic(Path(path), self.text.encode())
         return Path(path)
 
-    def open(self, path: str | Path = "replay.html") -> Path:
-        """Write it to a file and show that in a browser; returns its path."""
-        webbrowser.open(self.save(path).resolve().as_uri())
-        return Path(path)
-
 
 class Live:
     """A live world that is served until it is closed, or Python ends; a notebook shows its page.
@@ -99,6 +95,14 @@ class Evaluation:
     recorded: Traces
 
     @property
+    def _recording(self) -> Recording:
+        if not self.config.lifetime.record_every:
+            raise ConfigError("nothing was recorded with lifetime.record_every=0; give lifetime={'record_every': 8}")
+        genome, title = self.genome, caption(self.config, self.genome.name)
+        notes = notes_of(genome, self.config)
+        return Recording(self.recorded, genome.weights, genome.network, self.config, title, notes)
+
+    @property
     def config(self) -> EvaluateConfig:
         """The settings."""
         return self.prepared.config
@@ -116,8 +120,8 @@ class Evaluation:
     @cached_property
     def traces(self) -> dict[str, NDArray[Any]]:
         """What was recorded of the first repeat: the arrays of `traces.npz`; ValueError if nothing was recorded."""
-        self._require_traces()
-        return traces_arrays(self.recorded, self.genome.weights, self.genome.network)
+        made = self._recording
+        return traces_arrays(made.traces, made.weights, made.network)
 
     @property
     def trials(self) -> pd.DataFrame:
@@ -126,16 +130,12 @@ class Evaluation:
 
     def plot(self) -> Picture:
         """The paths of the first repeat, for each controller; ValueError if nothing was recorded."""
-        self._require_traces()
-        return Picture(figures.trajectories(self.recorded, self.config.world, caption(self.config, self.genome.name)))
+        made = self._recording
+        return Picture(figures.trajectories(made.traces, made.config.world, made.title))
 
     def replay(self) -> Page:
         """The page to watch the first repeat, step by step; ValueError if nothing was recorded."""
-        self._require_traces()
-        title, notes = caption(self.config, self.genome.name), notes_of(self.genome, self.config)
-        gain, network = self.config.lifetime.gain_rad_s, self.genome.network
-        weights, world = self.genome.weights, self.config.world
-        return Page(replay.page(self.recorded, weights, world, title, gain_rad_s=gain, network=network, notes=notes))
+        return Page(page_of(self._recording))
 
     def __repr__(self) -> str:
         """The paper's table, or that of reversal learning, and what a reader must know beside it."""
@@ -155,10 +155,6 @@ class Evaluation:
         columns = pd.MultiIndex.from_tuples(list(table), names=["controller", "side"])
         frame = pd.DataFrame([*table.values()], columns=pd.Index(tables.ROWS, name="metric"))
         return frame.set_axis(columns).T
-
-    def _require_traces(self) -> None:
-        if not self.config.lifetime.record_every:
-            raise ConfigError("nothing was recorded with lifetime.record_every=0; give lifetime={'record_every': 8}")
 
 
 class Evolution(NamedTuple):

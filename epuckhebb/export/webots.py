@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from epuckhebb.config import EvaluateConfig, from_values, hand, load, settings, without_own_code
+from epuckhebb.config import EvaluateConfig, load
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.plasticity.rule import InitialWeights
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.controller.wiring import LAYERS
+from epuckhebb.export.replay import config_of
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Genome, Run, load_genome, resolve_run, write_atomic
 from epuckhebb.tmaze.fitness import initial_history
@@ -31,18 +32,12 @@ _CONTROLLER = Path(__file__).with_name("webots_controller.py")
 def webots(what: str, folder: Path) -> tuple[list[Path], str]:
     """Write a controller that plays what a user names: a run of `evaluate`, with its plasticity, or a champion without.
 
-    Args:
-        what: A run folder of `evaluate` or `evolve`, `latest`, the file of a champion, `reference` or `reference_7`.
-        folder: The folder of the controller; the controller is called as it is.
-
-    Returns:
-        The files that were written, the controller first; and what to do with it.
+    what: a run folder, `latest`, the file of a champion, or `reference`. folder: that of the controller, which is
+    called as it is. Returns the files that were written, the controller first; and what to do with it.
     """
     genome, config = _genome_and_config(what)
     if genome.wiring != LAYERS:
-        raise ConfigError(
-            f"{what} has network.wiring={genome.wiring}; only network.wiring={LAYERS} can be taken to Webots"
-        )
+        raise ConfigError(f"{what} has network.wiring={genome.wiring}; only {LAYERS} can be taken to Webots")
     if (genome.robot, genome.network.inputs) != (EPUCK.name, EPUCK.inputs):
         own = f" with the sensors {genome.sensors}" if genome.sensors else ""
         raise ConfigError(f"{what} is for robot {genome.robot}{own}; only {EPUCK.name} as it is can be taken to Webots")
@@ -55,11 +50,8 @@ def webots(what: str, folder: Path) -> tuple[list[Path], str]:
         folder / _CHAMPION: (json.dumps(_content(genome, config), indent=1, allow_nan=False) + "\n").encode(),
         folder / "genes.npy": genes.getvalue(),
     }
-    try:
-        for file, content in written.items():
-            write_atomic(file, content)
-    except OSError as error:
-        raise ConfigError(f"cannot write {folder}: {error.strerror}") from error
+    for file, content in written.items():
+        write_atomic(file, content)
     left_out = [controller.name for controller in config.controllers[1:]]
     others = f"Left out, as one controller is taken of a run: {', '.join(left_out)}.\n" if left_out else ""
     return list(written), (
@@ -74,9 +66,7 @@ def _genome_and_config(what: str) -> tuple[Genome, EvaluateConfig]:
     path = resolve_run(what)
     run = Run(path)
     if path.is_dir() and run.provenance["command"] == "evaluate":
-        config = from_values(
-            hand.take_copy(without_own_code(settings(run.config_file)), run.path), EvaluateConfig, str(run.path)
-        )
+        config = config_of(run, EvaluateConfig)
         genome = load_genome(config.genome, config.world.experiment, config.shape)
         if genome.sha256 != run.provenance["genome_sha256"]:
             raise ConfigError(f"genome={config.genome} is not the genome of {path}; its SHA-256 differs")
