@@ -158,6 +158,8 @@ def test_a_study_is_replayed_with_its_own_coupling(study, tmp_path, monkeypatch)
         ("flock.knowers=10", "flock.breaks=stranger needs a robot that does not know the way"),
         ("flock.coupling=influence", "flock.coupling must be one of frozen"),
         ("flock.coupling=wrong.py:Wrong", "it gave nan"),
+        ("flock.coupling=wrong.py:Lucky", "run again"),
+        ("flock.coupling=wrong.py:Leaving", "SystemExit"),
         ("flock.coupling=wrong.py:Empty", "needs a method `drive`"),
         ("flock.own.margin=1", "flock.own.margin is no key of coupling transfer_entropy"),
         ("adaptation=late", "no key adaptation"),
@@ -169,6 +171,8 @@ def test_bad_input_is_refused_in_one_message(words, message):
         "import numpy as np\nfrom epuckhebb import Coupling\nclass Wrong(Coupling):\n"
         "    def drive(self, now):\n        return np.full_like(now.weights, np.nan)\n"
         "class Empty(Coupling):\n    pass\n"
+        "class Lucky(Coupling):\n    def drive(self, now):\n        return np.random.random(now.weights.shape)\n"
+        "class Leaving(Coupling):\n    def drive(self, now):\n        raise SystemExit\n"
     )
     assert message in refused("flock", words)
     assert [path.name for path in Path().iterdir() if path.name != "__pycache__"] == ["wrong.py"]

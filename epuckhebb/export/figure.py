@@ -14,7 +14,7 @@ from epuckhebb.runs import figures
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Run, load_genome, of_multirun, write_atomic
 from epuckhebb.studies import sweep
-from epuckhebb.studies.study import study_in
+from epuckhebb.studies.study import study_named
 from epuckhebb.tmaze.individual import GA
 
 _LEAST_SHARE, _MOST_MM = 0.5, 1000.0  # of a figure's own width, below which its letters overlap; of any figure
@@ -55,8 +55,7 @@ def _of_many(run: Run) -> Mapping[str, Figure]:
     """The figures of a study, or of a multirun."""
     if of_multirun(run.path):
         return sweep.figures(run)
-    study = study_in(run)
-    return study.stored(run).figures(run) if study else {}
+    return study_named(run.json("sweep.json")["name"]).stored(run).figures(run)
 
 
 def names(path: Path) -> list[str]:

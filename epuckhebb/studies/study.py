@@ -264,8 +264,11 @@ def job_name(kind: str, depends: Plain) -> str:
 
 
 def study_in(run: Run) -> type[Study] | None:
-    """The class of the study of a folder; None if it is the folder of something else."""
-    return study_named(run.json("sweep.json")["name"]) if run.has("sweep.json") else None
+    """The class of the study of a folder, `Study` for a user's, whose file is not loaded; None in another folder."""
+    if not run.has("sweep.json"):
+        return None
+    reference = run.json("sweep.json")["name"]
+    return Study if ":" in reference else study_named(reference)
 
 
 def _own_study(reference: str) -> type[Study]:

@@ -14,7 +14,7 @@ import numpy as np
 from epuckhebb.controller import random
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.random import Stream
-from epuckhebb.controller.ranges import check, within
+from epuckhebb.controller.ranges import Range, check, check_value, within
 
 Side = Literal["left", "right"]
 SIDES: tuple[Side, Side] = ("left", "right")
@@ -98,14 +98,12 @@ class Maze:
         twice = sorted(self.walls.keys() & self.obstacles.keys())
         if twice:
             raise ValueError(f"maze.walls and maze.obstacles must have different names, both have {', '.join(twice)}")
-        if not self.walls:
-            raise ValueError("maze.walls must hold one wall or more")
+        if not (self.walls and self.obstacle_counts):
+            raise ValueError("maze.walls and maze.obstacle_counts must hold one or more each")
         for kind in ("walls", "obstacles"):
             for name, box in getattr(self, kind).items():
-                if not (all(map(math.isfinite, box)) and box.width > 0 and box.height > 0):
-                    raise ValueError(
-                        f"maze.{kind}.{name} must be x, y, width and height in m, the sizes above 0, got {list(box)}"
-                    )
+                check_value(f"maze.{kind}.{name}, its middle,", box[:2], Range(-math.inf))
+                check_value(f"maze.{kind}.{name}, its sizes,", box[2:], Range(0, above=True))
         for kind in ("goals", "arms"):
             if set(getattr(self, kind)) != set(SIDES):
                 raise ValueError(
@@ -117,18 +115,11 @@ class Maze:
                 raise ValueError(
                     f"maze.arms.{side} must have left below right and bottom below top, got {list(region)}"
                 )
-        for name, (x, y) in {"start": self.start[:2], **{f"goals.{side}": self.goals[side] for side in SIDES}}.items():
-            if not (math.isfinite(x) and math.isfinite(y) and max(abs(x), abs(y)) < self.arena_m):
-                raise ValueError(
-                    f"maze.{name} must lie in the arena, within {self.arena_m} m of the middle, got {x}, {y}"
-                )
-        if not math.isfinite(self.start.heading):
-            raise ValueError(f"maze.start.heading must be a finite number, got {self.start.heading}")
-        if not self.obstacle_counts or not all(0 <= count <= len(self.obstacles) for count in self.obstacle_counts):
-            raise ValueError(
-                f"maze.obstacle_counts must lie between 0 and the {len(self.obstacles)} obstacles of the maze, "
-                f"got {list(self.obstacle_counts)}"
-            )
+        arena = Range(-self.arena_m, self.arena_m, above=True, below=True)
+        for name, place in {"start": self.start, **{f"goals.{side}": self.goals[side] for side in SIDES}}.items():
+            check_value(f"maze.{name}", place[:2], arena)
+        check_value("maze.start.heading", self.start.heading, Range(-math.inf))
+        check_value("maze.obstacle_counts", self.obstacle_counts, Range(0, len(self.obstacles)))
         for number, niche in enumerate(self.niches):
             if niche.along not in ("x", "y") or not niche.walls[0] < niche.walls[1]:
                 raise ValueError(f"maze.niches[{number}] must run along x or y between two walls, the lower one first")

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.ranges import Range, check_value, within
 from epuckhebb.controller.ranges import check as check_ranges
-from epuckhebb.controller.ranges import within
 from epuckhebb.tmaze.changes import AT_ONCE, GROUPED, check_changes, check_kind, check_placed, check_put, step_of
 from epuckhebb.tmaze.faults import LONGEST_DELAY
 from epuckhebb.tmaze.goal_signal import GoalSignal
@@ -114,12 +114,8 @@ class Scenario:
             )
         if self.goals is not None and set(self.goals) != set(SIDES):
             raise ValueError(f"scenario.goals must have {' and '.join(SIDES)}, got {sorted(self.goals)}")
-        for side, (x, y) in self.goals_now.items():
-            if max(abs(x), abs(y)) > self.maze.arena_m:
-                raise ValueError(
-                    f"scenario.goals.{side} must lie within {self.maze.arena_m:g} m of the middle of maze "
-                    f"{self.maze.name}, got {x:g}, {y:g}; goals are given in metres"
-                )
+        for side, place in self.goals_now.items():
+            check_value(f"scenario.goals.{side}", place, Range(-self.maze.arena_m, self.maze.arena_m))
         self.task.check_lamp(self.lamp.intensity)
         check_placed(self.placed, self.maze)
         if self.put is not None:
