@@ -21,16 +21,14 @@ SCHEMA = {"evaluate": EvaluateConfig, "evolve": EvolveConfig}
 
 @pytest.mark.parametrize("command", SCHEMA)
 def test_every_choice_of_every_group_composes(command):
-    """One of each group at a time, and alone those that do not go together; `change` in test_change_group.py."""
+    """Those of groups that go together side by side; `change` in test_change_group.py."""
     elsewhere = {"change", *(groups("evaluate") if command == "evolve" else ())}
-    choices = {group: list(names) for group, names in groups(command).items() if group not in elsewhere}
-    for number in range(max(map(len, choices.values()))):
-        words = [f"{group}='{names[number]}'" for group, names in choices.items() if number < len(names)]
-        try:  # quoted: some names are numbers
-            typed(composed(command, words), SCHEMA[command])
-        except ValueError:
-            for word in words:
-                typed(composed(command, [word]), SCHEMA[command])
+    choices = {group: names for group, names in groups(command).items() if group not in elsewhere}
+    together = [["adaptation", "hebbian", "scenario"], ["maze", "experiment"], ["optimizer", "training"]]
+    for some in [*together, *([group] for group in choices if group not in itertools.chain(*together))]:
+        for names in itertools.zip_longest(*(choices.get(group, ()) for group in some)):
+            words = [f"{group}='{name}'" for group, name in zip(some, names, strict=True) if name is not None]
+            typed(composed(command, words), SCHEMA[command])  # quoted: some names are numbers
 
 
 def test_defaults_are_the_papers():

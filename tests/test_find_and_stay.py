@@ -108,7 +108,7 @@ def test_it_finds_the_goal_and_halts_there(nominal):
 def test_a_halt_that_waits_ends_with_the_signal_and_one_for_good_does_not(nominal):
     still = {}
     for stays, words in (("find_and_wait", ["adaptation=find_and_wait"]), ("find_and_stay", HALT)):
-        outcome, samples = run(nominal, *words, world="scenario=base_signal_false", side="left")
+        outcome, samples = run(nominal, *words, world="scenario=base change=[signal_false]", side="left")
         moves = np.hypot(*np.diff(samples.pose[:, :2], axis=0).T) > 1e-6
         still[stays] = (~moves).sum() * STEP_S, outcome.success, np.flatnonzero(~moves)[0]
     assert still["find_and_wait"][2] == still["find_and_stay"][2]

@@ -19,7 +19,7 @@ from epuckhebb.controller.plasticity.rules.differential import Differential
 from epuckhebb.controller.plasticity.rules.oja import Oja
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze import simulator
-from epuckhebb.tmaze.batch import load_kernel, run_lifetimes
+from epuckhebb.tmaze.batch import run_lifetimes
 from epuckhebb.tmaze.fitness import Signal
 from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
 from epuckhebb.tmaze.life import Lifetime
@@ -121,7 +121,7 @@ def test_who_has_no_rule_lives_in_the_kernel_of_the_others_on_any_threads(genome
 
 
 def test_alone_in_a_block_and_on_any_threads_the_bits_are_the_same(genomes):
-    controllers = [GA_ALONE, learning(1.5e-5), learning(0.002), Controller(name="x", rule=RULES[Oja])]
+    controllers = [GA_ALONE, learning(1.5e-5), learning(0.002)]
     individuals = [
         Individual(genes=genome, side=side, controller=controller, key=np.uint64(k))
         for k, genome in enumerate(genomes)
@@ -253,7 +253,6 @@ def test_a_gain_that_the_motors_do_not_reach_is_refused(genomes):
         run_lifetimes(
             [Individual(genes=genomes[0], side="left", key=np.uint64(0))], Scenario(), Lifetime(gain_rad_s=6.3)
         )
-    load_kernel(scenario=Scenario(robot=Robot(name="a little slow", motor_limit_rad_s=0.9)))
 
 
 INVALID = {"duration_s": (0.0, math.inf), "gain_rad_s": (0.0, math.nan), "noise": (-1.0,), "record_every": (-1,)}

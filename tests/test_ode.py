@@ -118,6 +118,7 @@ def test_a_world_may_change_meanwhile(genomes):
     assert not np.array_equal(before.sensors[125:], after.sensors[125:])
 
 
+@pytest.mark.thorough
 @needs_ode
 def test_a_robot_that_falls_over_ends_its_lifetime_with_a_reason(genomes):
     asked = config("physics.put_down=[1,0,0,1.2]")

@@ -564,7 +564,7 @@ def test_a_champion_brings_a_wiring_of_the_program_to_every_job_of_a_sweep():
     words = ["genome=elman", *SHORT, "lifetime.record_every=0"]
     done("evaluate", "-m", "seed=1,2", *words, "hydra.sweep.dir=out", "hydra/launcher=basic")
     for job in (0, 1):
-        assert set(metrics(f"out/{job}").changed) == {"lifetime.duration_s=2, network.wiring=elman"}
+        assert metrics(f"out/{job}").changed.str.contains("network.wiring=elman").all()
 
 
 @pytest.mark.usefixtures("own")

@@ -34,7 +34,7 @@ HEBBIAN = Controller(name="Hebbian", rule=Paper(N=0.002))
 NOVEL = Controller(
     name="x",
     rule=Paper(N=0.002),
-    adaptation=Adaptation(change_signal="novelty", threshold=0.2, active_s=1, rest_s=1, motor_noise=1),
+    adaptation=Adaptation(change_signal="late", threshold=0.2, active_s=1, rest_s=1, motor_noise=1),
 )
 CHANGES = (
     {"at_s": 1.0, "light": 1.0, "left_wheel": 0.5, "dead_sensors": [0, 3]},
@@ -80,7 +80,9 @@ def assert_pieces_are_the_whole(individual, scenario, lifetime, pieces):
     every=st.sampled_from([1, 3]),
 )
 def test_stepping_in_pieces_is_bit_identical(genomes, controller, changes, pieces, side, every):
-    individual = individual_of(genomes[0], side, controller=controller, nominal=no_nominal(16, 8))
+    individual = individual_of(
+        genomes[0], side, controller=controller, nominal=no_nominal(16, 8)._replace(time_to_goal_s=8.0)
+    )
     assert_pieces_are_the_whole(individual, Scenario(changes=changes), replace(SHORT, record_every=every), pieces)
 
 

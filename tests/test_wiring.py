@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from cases import first_of
 
-from epuckhebb.config.parts import part_class
 from epuckhebb.controller.forward_pass import forward_pass
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import Network
@@ -34,7 +33,7 @@ def genes_of(network, seed=5):
 
 
 @pytest.mark.parametrize("controller", [GA_ALONE, LEARNING], ids=["GA", "Hebbian"])
-@pytest.mark.parametrize("wiring", first_of([CTRNN(hidden=5), CTRNN(hidden=5, tau_gain_rad_s=0.0), Elman()], 2))
+@pytest.mark.parametrize("wiring", first_of([CTRNN(hidden=5), CTRNN(hidden=5, tau_gain_rad_s=0.0), Elman()]))
 def test_a_wiring_agrees_with_the_oracle_step_by_step(beside_the_oracle, wiring, controller):
     network = network_of(wiring)
     genes = genes_of(network)
@@ -109,13 +108,16 @@ EXAMPLE = Path(__file__).parents[1] / "examples" / "own_controller" / "my_neuron
 
 
 def test_a_lifetime_in_pieces_is_the_same_and_reset_leaves_the_state_of_neurons():
-    wiring = part_class("wiring", f"{EXAMPLE}:Ring", "network")(hidden=5)
-    network = Network((16, *wiring.sizes), wiring=wiring)
-    genes = np.random.default_rng(3).uniform(-1, 1, plan_of(network).genes)
+    network = network_of(CTRNN(hidden=5))
+    genes = genes_of(network)
     individual = Individual(genes=genes, side="left", key=np.uint64(2), network=network)
     whole, pieces = (Session(individual, Scenario(), Lifetime(duration_s=4, gain_rad_s=4)) for _ in range(2))
     whole.step(1000)
     while pieces.step(7):
         pass
     np.testing.assert_array_equal(whole.outcome(), pieces.outcome())
-    assert whole.life.neurons.state.tobytes() == pieces.life.neurons.state.tobytes() != bytes(56)
+    assert (
+        whole.life.neurons.state.tobytes()
+        == pieces.life.neurons.state.tobytes()
+        != bytes(len(whole.life.neurons.state.tobytes()))
+    )
