@@ -1,13 +1,15 @@
-"""A part is one file that no other has to know, and no imports run in a circle; import-linter checks the layers."""
+"""Parts that no other file has to know, imports without circles, little private of others; see import-linter, too."""
 
 import ast
 import graphlib
+import re
 from pathlib import Path
 
 import pytest
 
 import epuckhebb
 from epuckhebb.config.parts import part_names
+from epuckhebb.runtime.resources import data_folder
 
 PACKAGE = Path(epuckhebb.__file__).parent
 MODULES = {
@@ -49,3 +51,14 @@ def test_a_part_is_one_file_that_no_other_has_to_know(kind):
     ends = tuple(f".{FOLDERS[kind]}.{name}" for name in set(part_names(kind)) - DEFAULTS)
     assert ends
     assert [(module, name) for module, names in GRAPH.items() for name in names if name.endswith(ends)] == []
+
+
+def test_little_is_imported_of_the_private_inside_of_libraries():
+    sources = [file.read_text(encoding="utf-8") for file in MODULES.values()]
+    assert not any("hydra._internal" in source for source in sources)
+    private = re.compile(r"^\s*(from|import) (?!epuckhebb)[\w.]*\b_[a-z]", re.MULTILINE)
+    assert sum(bool(private.search(source)) for source in sources) <= 6
+
+
+def test_settings_are_few_files():
+    assert len(list(data_folder("conf").rglob("*.yaml"))) <= 60

@@ -12,7 +12,7 @@ import pytest
 
 from epuckhebb.analysis import movie, replay
 from epuckhebb.analysis.evaluate import Traces, evaluate
-from epuckhebb.analysis.moments import Arrival, arrival, timed_change_text
+from epuckhebb.analysis.moments import Arrival, arrival
 from epuckhebb.controller.network import Network, initial_weights_of
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze.individual import GA, HEBBIAN, Controller, Individual
@@ -171,14 +171,6 @@ def test_floor_is_clear_of_walls(page):
             assert min(overlap) < 0.0015  # the ends of the near walls jut 1 mm into the stem
 
 
-def test_a_world_without_changes_has_one_world(page):
-    data = content(page)
-    assert len(data["worlds"]) == 1
-    assert data["changes"] == []
-    assert len(data["worlds"][0]["obstacles"]) == 4
-    assert all(life["begins"] == [0.0] for lives in data["lifetimes"].values() for life in lives)
-
-
 def test_page_holds_the_world_of_each_moment(genes):
     world = Scenario(
         changes=[
@@ -208,14 +200,6 @@ def test_page_holds_the_world_of_each_moment(genes):
     assert {"distance_gain=0.75", "mass_ratio=2", "wall_friction=0.3"} < {*worlds[3]["faults"].split(", ")}
     assert [held["goals"]["right"] for held in worlds] == [[0.36, 0.155]] * 3 + [[0.1, 0.155]]
     assert data["lifetimes"]["left"][0]["begins"] == pytest.approx([0, 1.024, 2.016, 3.008])
-
-
-def test_a_change_is_shown_as_it_is_typed():
-    assert timed_change_text({"at_s": 60, "light": 0.1}) == "60 s: light=0.1"
-    assert (
-        timed_change_text({"at_s": 7.5, "dead_sensors": [0, 7], "obstacles": 4})
-        == "7.5 s: dead_sensors=[0,7], obstacles=4"
-    )
 
 
 CORRIDOR = Maze(  # from the start up, then to the right
@@ -273,11 +257,6 @@ def test_any_maze_robot_and_network():
     assert covered[:, 3].max() == pytest.approx(1.1, abs=0.002)
     area = ((covered[:, 1] - covered[:, 0]) * (covered[:, 3] - covered[:, 2])).sum()
     assert area == pytest.approx(0.25 * 0.95 + 1.1 * 0.2, rel=0.02)
-
-
-def test_sensors_of_the_epuck_have_the_names_of_their_places(page):
-    ways = ["front right", "right, ahead", "right", "back right", "back left", "left", "left, ahead", "front left"]
-    assert content(page)["inputs"] == [f"{kind}, {way}" for kind in ("light", "distance") for way in ways]
 
 
 ARRIVED = Arrival(50.2, 0.03, stayed=True)

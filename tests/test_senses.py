@@ -1,9 +1,7 @@
 """Light, infra-red, rays and noise, against the figures of the e-puck and of Webots."""
 
 import math
-from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import ClassVar
 
 import numba
 import numpy as np
@@ -13,24 +11,16 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from epuckhebb.controller import random
-from epuckhebb.controller.compiling.kernel import compiled
-from epuckhebb.controller.network import Network
-from epuckhebb.tmaze.batch import run_lifetimes
-from epuckhebb.tmaze.individual import Individual
-from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.light import Lamp, irradiance, lights, reading
 from epuckhebb.tmaze.maze import T_MAZE, boxes
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.robot import EPUCK, Robot
-from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.senses import blinding, largest_distance_reading, sense_workspace, senses
 from epuckhebb.tmaze.sensors import (
     CurvePoint,
     DistanceSensors,
-    Kernels,
     LightSensors,
     Place,
-    RimSensors,
     cast,
     put_rays,
 )
@@ -201,54 +191,6 @@ def test_impossible_robots_are_refused(make, message):
 
 def curved(*points):
     return DistanceSensors(curve=tuple(CurvePoint(*point) for point in points))
-
-
-@dataclass(frozen=True, kw_only=True)
-class Compass(RimSensors):
-    """How far each sensor looks to the north (Y), 0 to 1; a dead one reads one half."""
-
-    name: ClassVar[str] = "compass"
-    label: ClassVar[str] = "north"
-    short: ClassVar[str] = "c"
-    dead: ClassVar[float] = 0.5
-
-    def kernels(self, first, radius_m):
-        count = self.count
-
-        @compiled
-        def read(around, rays, scratch, readings):  # noqa: ARG001
-            for i in range(count):
-                readings[first + i] = (1.0 + rays[3, i]) / 2.0 + around.noise_level * 0.01 * around.noise[first + i]
-
-        return Kernels(read)
-
-
-WITH_COMPASS = Robot(
-    name="with compass",
-    sensors=(LightSensors(), Compass(places=(AHEAD, Place(0.0, 0.0, 90.0))), DistanceSensors()),
-)
-
-
-def test_another_group_of_sensors_has_its_place_among_the_inputs():
-    assert (WITH_COMPASS.inputs, WITH_COMPASS.sensor_numbers) == (18, 8)
-    lit, (x, y, heading) = lights(0.1, Lamp(), True), START
-    seen, plain = sensed(WITH_COMPASS, x, y, heading, lit), sensed(EPUCK, x, y, heading, lit)
-    np.testing.assert_allclose(seen[8:10], [1.0, 0.5], atol=1e-15)
-    assert (np.delete(seen, [8, 9]) == plain).all()
-    blinding(WITH_COMPASS)(seen, np.array([1]))
-    assert seen[[1, 9, 11]].tolist() == [1.0, 0.5, 0.0]
-    assert largest_distance_reading(WITH_COMPASS)(seen) == seen[10:].max()
-
-
-@pytest.mark.thorough
-def test_a_lifetime_with_another_group_of_sensors():
-    world = Scenario(robot=WITH_COMPASS)
-    network = Network((world.inputs, 5, 2))
-    genes = np.random.default_rng(1).uniform(-1, 1, network.synapses)
-    individual = Individual(genes=genes, side="left", key=np.uint64(1), network=network, record=True)
-    ((_, samples),) = run_lifetimes([individual], world, Lifetime(duration_s=1.0, noise=0.0, record_every=1))
-    north = (1 + np.sin(samples.pose[:, 2])) / 2
-    np.testing.assert_allclose(samples.sensors[:, 8], north, atol=1e-12)
 
 
 def test_noise_is_standard_normal_and_uncorrelated():
