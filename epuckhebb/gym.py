@@ -56,7 +56,6 @@ class TMaze(gymnasium.Env[Floats, Floats]):
     ) -> None:
         if reward not in REWARDS:
             raise ConfigError(f"reward must be one of {', '.join(REWARDS)}, got {reward!r}")
-        _check_side(side)
         words = [f"scenario={quoted(scenario)}", "hebbian=none", *overrides]
         config = load(EvolveConfig, words, None if config_dir is None else str(config_dir))
         self.world, self.lifetime, self.reward, self.side = config.world, config.lifetime, reward, side
@@ -76,7 +75,8 @@ class TMaze(gymnasium.Env[Floats, Floats]):
         super().reset(seed=seed)
         drawn, number = SIDES[int(self.np_random.integers(2))], self.np_random.integers(2**63)
         choice = {"side": self.side, "key": number, **(options or {})}
-        _check_side(choice["side"])
+        if choice["side"] not in (*SIDES, None):
+            raise ConfigError(f"side must be {' or '.join(SIDES)}, or None for either, got {choice['side']!r}")
         individual = Individual(
             genes=np.zeros(self.network.synapses),
             side=choice["side"] or drawn,
@@ -120,11 +120,6 @@ class TMaze(gymnasium.Env[Floats, Floats]):
         if self.world.fitness.is_own:
             return float(self.session.life.score["sum"][0])
         return 0.0 if self.world.task.has_trials else float(self.session.life.tally["behaviour_sum"][0]) / 2.0
-
-
-def _check_side(side: Any) -> None:
-    if side is not None and side not in SIDES:
-        raise ConfigError(f"side must be {' or '.join(SIDES)}, or None for either at random, got {side!r}")
 
 
 def evaluation_key(seed: int, repeat: int, side: Side) -> int:

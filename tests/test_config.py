@@ -6,6 +6,7 @@ import sys
 
 import pytest
 import yaml
+from hydra import compose, initialize_config_dir
 
 from epuckhebb.cli.options import with_genomes_named
 from epuckhebb.config.compose import composed, configurations
@@ -200,3 +201,12 @@ def test_what_differs_in_training_and_in_the_jobs_of_a_sweep_is_told():
         config["changed"] for _, config in configurations("evaluate", [], itertools.product(*choices.values()), None)
     ]
     assert told == ["lifetime.duration_s=100"] * 2 + [""] * 2
+
+
+def test_a_caller_who_composes_with_hydra_can_go_on(tmp_path):
+    (tmp_path / "own.yaml").write_text("value: 1\n")
+    with initialize_config_dir(str(tmp_path), version_base="1.3"):
+        composed("evaluate", [])
+        with pytest.raises(ConfigError):
+            composed("evaluate", ["scenario=none"])
+        assert compose("own").value == 1

@@ -153,7 +153,7 @@ def test_bad_input_is_refused():
         ({"overrides": ["lifetime.duration_s=-1"]}, "lifetime.duration_s"),
     ):
         with pytest.raises(ValueError, match=text):
-            TMaze(**settings)
+            TMaze(**settings).reset()
     env = TMaze(overrides=["lifetime.duration_s=0.032"])
     with pytest.raises(ValueError, match="side must be left or right"):
         env.reset(options={"side": "up"})

@@ -322,6 +322,11 @@ def late():
 """
 
 
+def test_the_name_of_a_file_may_have_dots_and_hyphens(tmp_path):
+    write(tmp_path, {"my-rule.v2": RULE, "helper": "DECAY = 1.0\n"})
+    assert plugins.class_named(f"{tmp_path}/my-rule.v2.py:oja", Rule, "hebbian.rule").decay == 1.0
+
+
 def test_copies_of_all_files_of_the_folder_will_do(tmp_path):
     """Also of one with the name of a module of Python's, and of one that is imported late."""
     write(tmp_path / "here", {"my": MANY, "profile": "ONE = 1\n", "helper": "FOUR = 4\n"})

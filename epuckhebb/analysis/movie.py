@@ -18,7 +18,6 @@ from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.analysis.figures import SIDE_COLOUR, controller_title, draw_maze, plain
 from epuckhebb.analysis.floor import view
 from epuckhebb.analysis.moments import timed_change_text, with_gaps
-from epuckhebb.tmaze.maze import Side
 from epuckhebb.tmaze.robot import STEP_S
 from epuckhebb.tmaze.scenario import Scenario
 
@@ -31,27 +30,10 @@ Track = Callable[[Sequence[float]], Iterable[float]]
 
 def gif(traces: Traces, scenario: Scenario, title: str, track: Track = iter) -> bytes:
     """An animated GIF that repeats. track: wraps the moments to be drawn, to show progress."""
-    frames_per_second = 12.5  # GIF counts in hundredths of a second
-    frames = (Image.fromarray(frame) for frame in _frames(traces, scenario, title, track, frames_per_second))
-    ends = [step * STEP_S for step, _ in scenario.phases[1:]] + [np.inf]
-
-    def last_of_each_world(moments: Sequence[float]) -> list[float]:
-        return sorted({moments[max(0, int(np.searchsorted(moments, end)) - 1)] for end in ends})
-
-    # One palette for all frames: the commonest colours of the last frame of each world, which has them all. Colours
-    # keep a distance of 8 levels: Pillow looks them up no finer than that. White therefore stays white.
-    pixels = np.concatenate(list(_frames(traces, scenario, title, last_of_each_world, 1.0))).reshape(-1, 3)
-    colours, counts = np.unique(pixels.astype(int), axis=0, return_counts=True)
-    chosen = np.empty((0, 3), int)
-    for colour in colours[np.argsort(-counts)]:
-        if len(chosen) < 256 and (np.abs(chosen - colour).max(axis=1) >= 8).all():
-            chosen = np.vstack([chosen, colour])
-    palette = Image.new("P", (1, 1))
-    palette.putpalette(chosen.ravel().tolist())
-    first, *rest = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
-    buffer = io.BytesIO()
+    frames_per_second, buffer = 12.5, io.BytesIO()  # GIF counts in hundredths of a second
+    frames = map(Image.fromarray, _frames(traces, scenario, title, track, frames_per_second))
     duration = round(1000 / frames_per_second)
-    first.save(buffer, "GIF", save_all=True, append_images=rest, duration=duration, loop=0, optimize=False)
+    next(frames).save(buffer, "GIF", save_all=True, append_images=frames, duration=duration, loop=0)
     return buffer.getvalue()
 
 
@@ -84,12 +66,11 @@ def _frames(
     heading = figure.suptitle("", fontsize=9)
     robot = scenario.robot
     moving: list[tuple[Any, Any, Any]] = []
-    for controller, name in zip(traces.controller, traces.side, strict=True):
-        side: Side = "left" if name == "left" else "right"
-        axes = panels[controller]
-        (trail,) = axes.plot([], [], color=SIDE_COLOUR[side], linewidth=1.4, animated=True)
+    for controller, side in zip(traces.controller, traces.side, strict=True):
+        axes, colour = panels[controller], SIDE_COLOUR[side]
+        (trail,) = axes.plot([], [], color=colour, linewidth=1.4, animated=True)
         (nose,) = axes.plot([], [], color="white", linewidth=2.5, animated=True)
-        body = axes.add_patch(Circle((0, 0), robot.radius_m, color=SIDE_COLOUR[side], alpha=0.85, animated=True))
+        body = axes.add_patch(Circle((0, 0), robot.radius_m, color=colour, alpha=0.85, animated=True))
         moving.append((trail, body, nose))
     heading.set_animated(True)
     left, right, bottom, top = view(scenario)

@@ -151,13 +151,15 @@ def fixed_facts(
 ) -> dict[str, Any]:
     """What never changes on a page: robots, networks, the maze. changes: which controllers change the weights."""
     robot, maze, distance = scenario.robot, scenario.maze, scenario.robot.distance
+    *layers, last = network.layers
+    hidden = [last - network.outputs] if last > network.outputs else []  # of the last layer: drawn by themselves
     return {
         "controllers": [
             {"title": controller_title(name), "note": _CHANGING if change else _CONSTANT}
             for name, change in zip(controllers, changes, strict=True)
         ],
         "speed": 100 * gain_rad_s * robot.wheel_radius_m,  # cm/s of a wheel at a network output of 1
-        "layers": _columns(network),
+        "layers": [*layers, *hidden, network.outputs],
         "wiring": "" if network.wiring is None else network.wiring.name,
         "joined": None if network.wiring is None else np.array(network.joined).tolist(),
         "inputs": _inputs(scenario),
@@ -204,37 +206,26 @@ def world_facts(world: Scenario) -> dict[str, Any]:
     }
 
 
-def _columns(network: Network) -> tuple[int, ...]:
-    """How many neurons each column of the drawing has: the layers, the outputs by themselves."""
-    *others, last = network.layers
-    return (*others, *([last - network.outputs] if last > network.outputs else []), network.outputs)
-
-
 def _placed(places: Sequence[Place]) -> list[list[float]]:
     """Sensors as x, y [m] and azimuth [rad], in the robot's frame."""
     return [[place.x, place.y, math.radians(place.azimuth)] for place in places]
 
 
 def _inputs(scenario: Scenario) -> list[str]:
-    """The names of the network's inputs: sensors by their direction."""
+    """The names of the network's inputs: sensors by their direction, and by their number where two are alike."""
     names = []
     for group in scenario.groups:
-        ways = _ways(group.places) if isinstance(group, RimSensors) else []
+        places = group.places if isinstance(group, RimSensors) else []
+        azimuths = [(place.azimuth + 180) % 360 - 180 for place in places]
+        ways = [
+            next(way for limit, way in _WAYS if abs(azimuth) <= limit).format("left" if azimuth > 0 else "right")
+            for azimuth in azimuths
+        ]
+        if len(set(ways)) < len(ways):
+            numbered = enumerate(zip(ways, places, strict=True))
+            ways = [f"number {number}, {way} ({place.azimuth:.0f}°)" for number, (way, place) in numbered]
         names += [f"{group.label}, {way}" for way in ways] or group.labels
     return names
-
-
-def _ways(places: Sequence[Place]) -> list[str]:
-    """The directions of sensors in words; with number and degrees too where two sensors have the same words."""
-    ways = []
-    for place in places:
-        azimuth = (place.azimuth + 180) % 360 - 180
-        way = next(way for limit, way in _WAYS if abs(azimuth) <= limit)
-        ways.append(way.format("left" if azimuth > 0 else "right"))
-    if len(set(ways)) == len(ways):
-        return ways
-    numbered = enumerate(zip(ways, places, strict=True))
-    return [f"number {number}, {way} ({place.azimuth:.0f}°)" for number, (way, place) in numbered]
 
 
 def _embedded(samples: Samples, initial: NDArray[np.float32], every: int) -> dict[str, Any]:

@@ -108,7 +108,13 @@ def evaluate(
     say_unusual(config)
     threads = thread_count(config.threads)
     rows, recorded = prepared.run(prepared.remember(threads, say), threads)
-    return Evaluation(metrics=pd.DataFrame(rows), prepared=prepared, recorded=recorded)
+    return Evaluation(
+        metrics=pd.DataFrame(rows),
+        config=config,
+        genome=prepared.genome,
+        recorded=recorded,
+        lifetime_ids=prepared.lifetime_ids,
+    )
 
 
 def evolve(*overrides: str, config_dir: str | Path | None = None, progress: bool = True, **keys: Any) -> Evolution:
@@ -199,7 +205,7 @@ def sweep(
             bar.show(number, ", ".join(f"{key}={value}" for key, value in settings.items()))
             quick = {"lifetime.record_every": 0, **keys, **job}
             result = evaluate(quick.pop("genome", genome), *overrides, config_dir=config_dir, progress=False, **quick)
-            sha256, ids = result.genome.sha256, result.prepared.lifetime_ids
+            sha256, ids = result.genome.sha256, result.lifetime_ids
             evaluations.append(Evaluated(settings=settings, sha256=sha256, ids=ids, rows=result.metrics))
     gathered = gather(evaluations)
     be_quiet(not progress)

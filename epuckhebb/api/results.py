@@ -19,7 +19,7 @@ from epuckhebb.analysis.image import KINDS, image
 from epuckhebb.config import EvaluateConfig
 from epuckhebb.export.replay import Recording, page_of
 from epuckhebb.live.server import Play
-from epuckhebb.runs import PreparedEvaluation, caption, notes_of
+from epuckhebb.runs import caption, notes_of
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Genome, traces_arrays, write_atomic
 
@@ -88,11 +88,15 @@ class Evaluation:
 
     Attributes:
         metrics: A row a lifetime, with the columns of `metrics.csv`.
+        config: The settings.
+        genome: The genome that was evaluated.
     """
 
     metrics: pd.DataFrame
-    prepared: PreparedEvaluation
+    config: EvaluateConfig
+    genome: Genome
     recorded: Traces
+    lifetime_ids: Mapping[str, str]
 
     @property
     def _recording(self) -> Recording:
@@ -102,20 +106,10 @@ class Evaluation:
         notes = notes_of(genome, self.config)
         return Recording(self.recorded, genome.weights, genome.network, self.config, title, notes)
 
-    @property
-    def config(self) -> EvaluateConfig:
-        """The settings."""
-        return self.prepared.config
-
-    @property
-    def genome(self) -> Genome:
-        """The genome that was evaluated."""
-        return self.prepared.genome
-
     @cached_property
     def table(self) -> pd.DataFrame:
         """The paper's table: a row for each metric, a column for each controller and side; means over the repeats."""
-        return self._framed(tables.paper_table(self.metrics.to_dict("records")))
+        return _framed(tables.paper_table(self.metrics.to_dict("records")))
 
     @cached_property
     def traces(self) -> dict[str, NDArray[Any]]:
@@ -149,12 +143,12 @@ class Evaluation:
         task = self.config.world.task
         if task.has_trials:
             return reversal.table(self.metrics, self.trials, task, self.config.seed).set_index("controller")
-        return self._framed(tables.formatted(tables.paper_table(self.metrics.to_dict("records"))))
+        return _framed(tables.formatted(tables.paper_table(self.metrics.to_dict("records"))))
 
-    def _framed(self, table: Mapping[tuple[str, str], Mapping[str, Any]]) -> pd.DataFrame:
-        columns = pd.MultiIndex.from_tuples(list(table), names=["controller", "side"])
-        frame = pd.DataFrame([*table.values()], columns=pd.Index(tables.ROWS, name="metric"))
-        return frame.set_axis(columns).T
+
+def _framed(table: Mapping[tuple[str, str], Mapping[str, Any]]) -> pd.DataFrame:
+    frame = pd.DataFrame(table, index=pd.Index(tables.ROWS, name="metric"))
+    return frame.rename_axis(columns=["controller", "side"])
 
 
 class Evolution(NamedTuple):

@@ -80,19 +80,19 @@ def choices_of(runtime: Any) -> dict[str, str]:
 @contextmanager
 def catalogue(command: str, config_dir: str | None) -> Iterator[None]:
     """Time in which Hydra knows the schema of a command, the rows of tables, and the user's folder."""
-    hydra, before = GlobalHydra.instance(), _SearchPath.folder
-    composing = hydra.hydra  # of a caller who composes with Hydra, or of the job at work
+    before = _SearchPath.folder
+    composing = GlobalHydra.instance().hydra  # of a caller who composes with Hydra, or of the job at work
     _SearchPath.folder = None if config_dir is None else Path(config_dir).absolute()
     Plugins.instance().register(_SearchPath)
     _store(command, _SearchPath.folder)
-    hydra.clear()
+    GlobalHydra.instance().clear()
     try:
         yield
     finally:
         _SearchPath.folder = before
-        hydra.clear()
+        GlobalHydra.instance().clear()  # which is another instance now
         if composing is not None:
-            hydra.initialize(composing)
+            GlobalHydra.instance().initialize(composing)
 
 
 def changes(folder: Path | None) -> dict[str, dict[str, Any]]:

@@ -44,9 +44,14 @@ class OwnFile:
     sources: dict[str, bytes] = field(default_factory=dict)
 
     @property
+    def name(self) -> str:
+        """The name of the file's module, in which a dot of the file's name would mean a package."""
+        return f"{self.package}.{self.path.stem.replace('.', '_')}"
+
+    @property
     def module(self) -> ModuleType:
         """The module of the file."""
-        return sys.modules[f"{self.package}.{self.path.stem}"]
+        return sys.modules[self.name]
 
     @property
     def digest(self) -> str:
@@ -133,7 +138,7 @@ def load(file: Path, key: str) -> OwnFile:
         _unload(own.package)
         _packages[own.package] = own
         importlib.invalidate_caches()
-        importlib.import_module(f"{own.package}.{path.stem}")
+        importlib.import_module(own.name)
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # a file may even leave Python
@@ -170,7 +175,8 @@ class _Finder(MetaPathFinder):
             spec = ModuleSpec(name, None, is_package=True)
             spec.submodule_search_locations = [str(own.path.parent)] if own else []
             return spec
-        found = PathFinder.find_spec(name, path)
+        is_named = name == own.name
+        found = importlib.util.spec_from_file_location(name, own.path) if is_named else PathFinder.find_spec(name, path)
         if found is not None and found.has_location:
             file = Path(str(found.origin))
             own.sources[own.place_of(file)] = file.read_bytes()

@@ -185,7 +185,10 @@ class _Evaluator(NamedTuple):
             noise_of = 0 if self.shared else individual
             for loop in loops:
                 for side in _TRIALS:
-                    place = (generation, noise_of, loop, SIDES.index(side))
+                    place, start = (generation, noise_of, loop, SIDES.index(side)), world.scenario.maze.start
+                    if noise:
+                        moved = random.rng(self.seed, Stream.training_start, *place).uniform(-1, 1, 3)
+                        start = Pose(*(np.array(start) + noise * _START_SPREAD * moved).tolist())
                     yield Individual(
                         genes=genes,
                         network=self.network,
@@ -194,15 +197,8 @@ class _Evaluator(NamedTuple):
                         signs=of_updates,
                         key=random.key(self.seed, Stream.training_noise, *place),
                         task_key=task_keys[loop],
-                        start=_start(world.scenario.maze.start, noise, self.seed, place),
+                        start=start,
                     )
-
-
-def _start(start: Pose, noise: float, seed: int, place: tuple[int, ...]) -> Pose:
-    if noise == 0:
-        return start
-    shift = noise * _START_SPREAD * random.rng(seed, Stream.training_start, *place).uniform(-1, 1, 3)
-    return Pose(*(np.array(start) + shift).tolist())
 
 
 def history_row(generation: Generation) -> dict[str, Any]:

@@ -136,8 +136,10 @@ class Training:
         """A varied world. All numbers are drawn, used or not, so that the shares are independent."""
         changed: dict[str, Any] = {}
         drawn = rng.random(10).tolist()
+        dark, bright = self.light
+        weak, strong = self.wheel
         if drawn[0] < self.light_share:
-            changed["light"] = _between(self.light, drawn[1])
+            changed["light"] = dark + (bright - dark) * drawn[1]
         if drawn[2] < self.obstacles_share:
             counts = [count for count in scenario.maze.obstacle_counts if count]
             changed["obstacles"] = counts[int(drawn[3] * len(counts))]
@@ -145,15 +147,11 @@ class Training:
         if drawn[5] < self.dead_sensor_share:
             changed["dead_sensors"] = (1 + int(drawn[6] * (scenario.robot.sensor_numbers - 1)),)
         if drawn[7] < self.wheel_share:
-            changed["left_wheel" if drawn[8] < 0.5 else "right_wheel"] = _between(self.wheel, drawn[9])
+            changed["left_wheel" if drawn[8] < 0.5 else "right_wheel"] = weak + (strong - weak) * drawn[9]
         world = replace(scenario, **changed)
         if "layout" in changed:
             world.check()
         return world
-
-
-def _between(bounds: list[float], drawn: float) -> float:
-    return bounds[0] + (bounds[1] - bounds[0]) * drawn
 
 
 UNVARIED = Training(name="unvaried")

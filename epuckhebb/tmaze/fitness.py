@@ -43,7 +43,6 @@ class History(NamedTuple):
 
 
 _OF_HISTORY = ("history_s", "history_mean", "carries_history")
-LIGHT_CODE_SENSORS = (8, 8)  # light and distance sensors of the robot that `light_code` is written for
 
 _, _FINAL, _LIFETIME_MEAN, _LIGHT_CODE, OWN = range(len(Signal))
 

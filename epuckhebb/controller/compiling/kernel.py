@@ -51,7 +51,6 @@ def compiled(function: Function) -> Function:
 nothing: Callable[..., None] = compiled(lambda *_: None)
 zero: Callable[..., float] = compiled(lambda *_: 0.0)
 one: Callable[..., float] = compiled(lambda *_: 1.0)
-false: Callable[..., bool] = compiled(lambda *_: False)
 
 
 def in_turn(function: Callable[..., None], constants: Iterable[tuple[int, ...]], arguments: str) -> Any:
