@@ -70,7 +70,7 @@ def test_what_is_done_by_hand_gives_the_same_bits_in_one_piece(genomes, side, co
     assert any("put" in change for change in done)
     [(outcome, samples)] = run_lifetimes([individual], replace(world, hand=done), LIFETIME)
     assert np.array(session.outcome()).tobytes() == np.array(outcome).tobytes()
-    for live, whole in zip(session.samples, samples, strict=True):
+    for live, whole in zip(session.samples[:-1], samples[:-1], strict=True):  # but for when each world began
         assert live.tobytes() == whole.tobytes()
 
 

@@ -1,5 +1,6 @@
 """How the science is compiled: a kernel's name says what it is made of, and kernels do not get in each other's way."""
 
+import importlib
 import json
 import os
 import shutil
@@ -61,6 +62,27 @@ def test_any_edit_of_a_users_files_is_compiled_anew(monkeypatch, here):
         mine = plugins.class_named("mine.py:Mine", Fitness, "fitness.function")
         values.append(kernel(call, (mine,), step=compiled(in_module(mine.step, __name__)))(3.0))
     assert values == [6.0, 30.0, 105.0, 205.0]
+
+
+def test_an_edit_of_a_helper_in_another_folder_is_compiled_anew(monkeypatch, here, tmp_path_factory):
+    """Machine code that is kept would be that of the helper as it was."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(here / "cache"))
+    library = tmp_path_factory.mktemp("library")
+    monkeypatch.syspath_prepend(library)
+    (here / "table.txt").write_text("0")
+    (here / "mine.py").write_text(FITNESS.replace("from helper", "from helper_elsewhere"))
+    values, digests = [], []
+    for factor in ("2.0", "17.0"):
+        (library / "helper_elsewhere.py").write_text(HELPER.replace("2.0", factor))
+        monkeypatch.delitem(sys.modules, "helper_elsewhere", raising=False)
+        monkeypatch.setattr(plugins, "_loaded", {})
+        importlib.invalidate_caches()
+        mine = plugins.class_named("mine.py:Mine", Fitness, "fitness.function")
+        values.append(kernel(call, (mine,), step=compiled(in_module(mine.step, __name__)))(3.0))
+        digests.append(plugins.own_sources({"function": "mine.py:Mine"}))
+    assert values == [6.0, 51.0]
+    assert [len(known) for known in digests] == [2, 2]
+    assert digests[0] != digests[1]
 
 
 def test_a_class_that_is_from_no_file_of_the_users_is_compiled_in_memory(monkeypatch, tmp_path):

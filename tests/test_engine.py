@@ -10,7 +10,7 @@ from epuckhebb.config.compose import load
 from epuckhebb.runtime import errors, progress
 from epuckhebb.runtime.errors import ConfigError, JobFailedError
 from epuckhebb.runtime.progress import Bar, be_quiet, counting, say
-from epuckhebb.store import disk
+from epuckhebb.store import lock
 from epuckhebb.studies.jobs import open_study
 from epuckhebb.studies.reproduce import Reproduction
 
@@ -101,10 +101,10 @@ def test_what_killed_calls_left_half_done_is_thrown_away_but_not_what_is_at_work
         (folder / name).mkdir(parents=True)
         (folder / name / ".half.1.tmp").touch()
     (folder / ".mine.tmp").touch()
-    held = disk.lock(folder / working)
+    held = lock.lock(folder / working)
     with open_study(folder, "study", None, [], []):
         left = sorted(str(file.relative_to(folder)) for file in folder.rglob(".*.tmp"))
-    disk.release(held)
+    lock.release(held)
     others = [f"unfinished/{name}/.half.1.tmp" for name in ("20260101-000000-abcdefgh_1", "of_someone_else")]
     assert left == [".mine.tmp", others[0], f"{working}/.half.1.tmp", others[1]]
 

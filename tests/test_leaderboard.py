@@ -220,6 +220,7 @@ def test_the_share_of_a_learner_by_hand():
     assert count == {"solves": 0, "trials": 20, "successes": 10, "successes_off": None, "successes_inverted": None}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("methods", first_of(["late", "ga_varied,late"]))
 def test_what_has_no_place_in_reversal_learning_is_refused(methods, here):
     with pytest.raises(ConfigError, match="none has a place in reversal learning"):
@@ -403,7 +404,7 @@ BAD = {
 }
 
 
-@pytest.mark.parametrize("mistake", BAD)
+@pytest.mark.parametrize("mistake", first_of(BAD, 6))
 def test_a_mistake_gets_one_message_and_leaves_nothing(mistake, conf, here):
     words, expected = BAD[mistake]
     result = refused(*ASKED, *words, "--config-dir", conf)

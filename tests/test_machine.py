@@ -1,22 +1,18 @@
-"""What the machine gives: cores, memory, homes, a cache, and locks of folders that end with their process."""
+"""What the machine gives: cores, memory, homes and a cache."""
 
-import errno
 import importlib
-import os
 import pwd
 import subprocess
 import sys
 from pathlib import Path
 
-import filelock
 import pytest
 from cases import SHORT, refused
 from joblib import cpu_count
 
 from epuckhebb.runtime.errors import USAGE, ConfigError
 from epuckhebb.runtime.resources import path_of, thread_count
-from epuckhebb.store import Run, disk
-from epuckhebb.store.folder import RunFolder
+from epuckhebb.store import Run
 
 compiled = importlib.import_module("epuckhebb.controller.compiling.kernel")
 
@@ -72,37 +68,6 @@ def test_a_closed_stream_leads_nowhere():
     assert (run.returncode, Run(Path("run")).status["state"], b"Success" in run.stdout) == (0, "finished", True)
     assert ended("<&- >&- 2>&-", "show", "run").returncode == 0
     assert ended("2>&-", "evaluate", "seed=x").returncode == USAGE
-
-
-def test_a_folder_is_held_by_one_and_nothing_stays_there(here):
-    held = disk.lock(here)
-    assert disk.is_locked(here)
-    with pytest.raises(BlockingIOError):
-        disk.lock(here)
-    disk.release(held)
-    assert not disk.is_locked(here)
-    assert list(here.iterdir()) == []
-    assert not disk.is_locked(here / "nowhere")
-
-
-def test_the_system_lets_go_of_a_folder_when_its_process_is_killed(here):
-    hold = "import filelock, os, sys; lock = filelock.FileLock(sys.argv[1]); lock.acquire(); os.kill(os.getpid(), 9)"
-    subprocess.run([sys.executable, "-c", hold, str(here / disk.LOCK)], check=False)
-    assert [path.name for path in here.iterdir()] == [disk.LOCK]
-    assert not disk.is_locked(here)
-    with RunFolder.resume(here, "sweep", None, [], {}):  # what it left is known as ours
-        assert disk.is_locked(here)
-
-
-@pytest.mark.usefixtures("here")
-def test_a_file_system_without_locks_is_not_fatal(monkeypatch):
-    def acquire(lock):
-        assert lock.lock_file == disk.LOCK
-        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
-
-    monkeypatch.setattr(filelock.FileLock, "acquire", acquire)
-    assert disk.lock(Path()) is None
-    disk.release(None)
 
 
 def test_what_switches_the_compiler_off_is_named_and_nothing_runs(monkeypatch, here):

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from cases import SHORT, SMALL_GA, check_resumed, done, refused, runs_of
+from cases import SHORT, SMALL_GA, check_resumed, done, first_of, refused, runs_of
 
 import epuckhebb
 from epuckhebb import Rule
@@ -88,7 +88,7 @@ def test_all_kinds_are_tested():
 
 
 @pytest.mark.usefixtures("here")
-@pytest.mark.parametrize("kind", BODIES)
+@pytest.mark.parametrize("kind", first_of(BODIES, 2))
 def test_what_cannot_be_a_part_is_refused_with_its_key(kind):
     row = KINDS[kind]
     key = row.base.KEY if kind != "sensor" else r"robot\.sensors\[0\]\.sensor"
@@ -489,6 +489,7 @@ def test_the_champion_and_the_run_hold_what_they_are_of(runs):
     assert "trace_decay" not in (runs / "evaluated" / ".hydra" / "config.yaml").read_text()  # is the paper's rule's
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("copy")
 def test_a_champion_of_other_parts_is_refused_or_the_difference_said():
     wiring, fitness, sensors = PARTS[:2], PARTS[2:4], PARTS[4:]
@@ -572,6 +573,7 @@ def test_a_champion_brings_a_wiring_of_the_program_to_every_job_of_a_sweep():
         assert metrics(f"out/{job}").changed.str.contains("network.wiring=elman").all()
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("own")
 def test_an_object_from_python():
     rule = part_class("rule", "my.py:oja", "hebbian")
@@ -585,6 +587,7 @@ def test_an_object_from_python():
         epuckhebb.evaluate(fitness=fitness())
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("copy")
 def test_jobs_of_a_multirun_find_the_files_wherever_their_worker_started():
     words = ["seed=1,2", *PARTS, *SEARCH, "optimizer.generations=1", "hydra.sweep.dir=out", "hydra/launcher=basic"]

@@ -26,11 +26,6 @@ EXAMPLES = sorted((ROOT / "examples").glob("*/README.md"))
 RUNS = [ROOT / "runs" / "README.md", ROOT / "runs" / "reference" / "README.md"]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *RUNS, *sorted((ROOT / "docs").glob("*.md")), *EXAMPLES]
 APART = ("tutorial", "clusters")  # the first has a test of its own below; the commands of the second fill a cluster
-LONG = [
-    RUNS[1],
-    ROOT / "docs" / "clusters.md",
-    ROOT / "docs" / "results.md",
-]  # with many large sweeps, and evolutions that go on
 WITH_COMMANDS = [ROOT / "README.md", *EXAMPLES]
 PLACEHOLDER = re.compile(r"\b(RUN|NAME|FILE|KEY|GROUP|Best\.npy)\b|[<>…]|\.\.\.|~")
 BRIEF = {
@@ -177,7 +172,9 @@ def together(commands):
         yield command, [word for word in members[0] if word in same] + [*keys.values()], members
 
 
-@pytest.mark.parametrize("pages", first_of([[page for page in PAGES if page not in LONG], LONG]), ids=len)
+@pytest.mark.parametrize(
+    "pages", first_of([WITH_COMMANDS, [page for page in PAGES if page not in WITH_COMMANDS]]), ids=len
+)
 def test_the_commands_of_pages_are_understood(pages, folder, monkeypatch):
     monkeypatch.chdir(folder)
     commands = []

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import yaml
-from cases import done, refused
+from cases import done, first_of, refused
 
 import epuckhebb
 from epuckhebb.config import yaml_file
@@ -51,7 +51,7 @@ def mine(here):
     return write
 
 
-@pytest.mark.parametrize("text", REFUSED, ids=range(len(REFUSED)))
+@pytest.mark.parametrize("text", first_of(REFUSED, 6), ids=range(len(REFUSED)))
 def test_what_is_no_plain_setting_is_refused_with_file_and_line(mine, tmp_path, text):
     mine(text)
     mine("defaults: [mine]\n", "scenario/other.yaml")

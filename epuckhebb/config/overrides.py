@@ -67,8 +67,7 @@ def check_words(command: str, words: Sequence[str], *, several: bool = False) ->
         ):
             raise ConfigError(f"{line}: ranges and patterns do not go into a list of values; give one range, or values")
         if key not in known and key not in choices and not key.startswith(("hydra.", "hydra/", *_BELOW)):
-            like = did_you_mean(key, [*known, *dict(conf.keys_with_defaults(command))])
-            raise ConfigError(f"there is no key {key} of `epuckhebb {command}`{like}")
+            raise ConfigError(f"there is no key {key} of `epuckhebb {command}`{did_you_mean(key, known)}")
 
 
 @functools.cache

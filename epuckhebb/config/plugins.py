@@ -21,7 +21,7 @@ from types import CodeType, ModuleType
 from typing import Any, TypeVar
 
 from epuckhebb.config import hand
-from epuckhebb.controller.compiling.sources import OWN_PACKAGE
+from epuckhebb.controller.compiling.sources import OWN_PACKAGE, sources_elsewhere
 from epuckhebb.runtime import ConfigError, did_you_mean, path_of
 
 OWN_CODE = "own_code"  # the folder of the copies in a run folder
@@ -37,11 +37,13 @@ class OwnFile:
         path: The file.
         package: The name of the package that it is loaded into.
         sources: The content of it and of each file that it imports from its folder, by its place there.
+        elsewhere: The content of the user's files that these use from other folders, by their paths. A run has no copy.
     """
 
     path: Path
     package: str
     sources: dict[str, bytes] = field(default_factory=dict)
+    elsewhere: dict[str, bytes] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -71,7 +73,8 @@ class OwnFile:
     @property
     def sha256(self) -> dict[str, str]:
         """The SHA-256 of each file by its path."""
-        return {str(self.path.parent / place): _sha256(source) for place, source in self.sources.items()}
+        beside = {str(self.path.parent / place): source for place, source in self.sources.items()}
+        return {path: _sha256(source) for path, source in {**beside, **self.elsewhere}.items()}
 
     def place_of(self, file: Path) -> str:
         """The place of a file below the folder of this one."""
@@ -139,6 +142,9 @@ def load(file: Path, key: str) -> OwnFile:
         _packages[own.package] = own
         importlib.invalidate_caches()
         importlib.import_module(own.name)
+        for name, module in list(sys.modules.items()):
+            if name.startswith(f"{own.package}."):
+                own.elsewhere.update(sources_elsewhere(module))
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # a file may even leave Python

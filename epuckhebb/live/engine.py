@@ -74,7 +74,11 @@ class Engine(threading.Thread):
         """Do what a page wishes, in the thread that serves it; returns the answer, or raises a ValueError."""
         match wish:
             case {"do": "change", "values": dict(values)}:
-                return self._change(values)
+                with self.news:
+                    self.world.wish(values)
+                    self.version += 1
+                    self.news.notify_all()
+                    return {"step": self.world.steps}
             case {"do": "play", "value": value}:
                 self._set(is_playing=bool(value))
             case {"do": "speed", "value": value} if value in SPEEDS:
@@ -93,17 +97,6 @@ class Engine(threading.Thread):
             case _:
                 raise ValueError(f"a page cannot wish {wish!r}")
         return {}
-
-    def _change(self, values: dict[str, Any]) -> dict[str, Any]:
-        with self.news:
-            self.world.wish(values)
-            if self._runs:
-                self._due = min(self._due, time.perf_counter() - STEP_S / (self.speed or 1.0))
-                self._advance()  # at once, and not with the next frame
-            else:
-                self.version += 1
-            self.news.notify_all()
-            return {"step": self.world.steps}
 
     def _set(self, **values: Any) -> None:
         """Set attributes, and show them in all pages."""

@@ -89,7 +89,7 @@ class _Handler(BaseHTTPRequestHandler):
             content = self.rfile.read(int(length))
             try:
                 answer = self.server.engine.do(json.loads(content))
-            except (ValueError, ArithmeticError, OSError, RuntimeError) as error:  # a ConfigError among them
+            except (ValueError, TypeError, ArithmeticError, OSError, RuntimeError) as error:  # a ConfigError, too
                 answer = {"error": str(error)}
             self._send(json.dumps(answer).encode(), "application/json")
 

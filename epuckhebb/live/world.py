@@ -109,13 +109,9 @@ class LiveWorld:
         if isinstance(values.get("lamp"), Mapping):
             joined["lamp"] = {**self.wishes.get("lamp", {}), **values["lamp"]}
         now = self.robots[0].world
-        try:
-            wished = now.changed(joined)
-        except TypeError as error:
-            raise ValueError(f"this cannot be: {error}") from error
-        new = added(now.boxes, wished.boxes)
-        places = [robot.pose for robot in self.robots] if wished.put is None else []
-        if any(gap(place.x, place.y, new) < wished.robot.radius_m for place in places):
+        wished = now.changed(joined)
+        new, radius = added(now.boxes, wished.boxes), wished.robot.radius_m
+        if wished.put is None and any(gap(*robot.pose[:2], new) < radius for robot in self.robots):
             raise ValueError("a block cannot stand where a robot is")
         self.wishes = joined
 
@@ -123,13 +119,12 @@ class LiveWorld:
         """Run so many steps of all robots, what was wished for first; returns how many were run."""
         before = self.steps
         if self.wishes and not self.is_over:
-            change = {"at_s": before * STEP_S, **self.wishes}
             planned = [one for one in self.config.world.changes if step_of(one) >= before]
             world = replace(self.scenario, changes=planned)
             for robot in self.robots:
                 if not robot.is_over:
                     robot.change(world)
-            self.changes.append(change)
+            self.changes.append({"at_s": before * STEP_S, **self.wishes})
             self.wishes = {}
         for robot in self.robots:
             robot.step(before + steps - robot.steps)

@@ -79,22 +79,6 @@ def command_file(command: str) -> Path:
     return data_folder("conf") / f"{'evaluate' if command in ('sweep', 'play') else command}.yaml"
 
 
-def keys_with_defaults(command: str) -> Iterator[tuple[str, Any]]:
-    """The keys that are values, and their defaults."""
-    import yaml
-
-    primary = yaml.safe_load(command_file(command).read_text(encoding="utf-8"))
-    chosen = {group: name for entry in primary["defaults"] if isinstance(entry, dict) for group, name in entry.items()}
-    yield from flat({key: value for key, value in primary.items() if key != "hydra"})
-    for group in groups(command):
-        file = data_folder("conf") / group / f"{chosen.get(group)}.yaml"
-        if file.is_file() and group != "experiment":
-            values = yaml.safe_load(file.read_text(encoding="utf-8"))
-        else:
-            values = table(group).get(str(chosen.get(group)), {}) if group in TABLES else {}
-        yield from flat(values.get(group, values), f"{group}.")  # a file may bring other groups, beside its own
-
-
 def flat(node: Mapping[Any, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
     """The values of settings below their dotted keys, as overrides have them; not the list of defaults."""
     for key, value in node.items():

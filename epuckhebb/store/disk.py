@@ -1,17 +1,15 @@
-"""Writes files atomically, locks folders, reads JSON and arrays, and names the files of a run folder."""
+"""Writes files atomically, reads JSON and arrays, and names the files of a run folder."""
 
-import errno
 import hashlib
 import io
 import json
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from filelock import BaseFileLock, FileLock, Timeout
 from numpy.typing import NDArray
 
 from epuckhebb.runtime import ConfigError
@@ -19,7 +17,6 @@ from epuckhebb.runtime import ConfigError
 CHAMPION, CHECKPOINT, TRACES = "champion.npz", "checkpoint.npz", "traces.npz"
 SCHEMA = 2  # of provenance.json and status.json
 STATUS, PROVENANCE = "status.json", "provenance.json"
-LOCK = ".epuckhebb.lock"  # exists while a process is at work in the folder, and after one that was killed
 OVERRIDES, CONFIG = ".hydra/overrides.yaml", ".hydra/config.yaml"
 
 
@@ -37,45 +34,6 @@ def write_atomic(target: Path, content: bytes, *, lasting: bool = True) -> None:
     except OSError:  # a full disk, for example
         beside.unlink(missing_ok=True)
         raise
-
-
-def lock(folder: Path, patience_s: float = 0.0) -> BaseFileLock | None:
-    """Lock a folder for this process; give the result to `release`, or just end.
-
-    The system releases a lock when its process ends, however that ends. On file systems without locks the result is
-    None, and no process is kept out. If another process has the lock, perhaps only to look, for longer than
-    `patience_s`, that is a BlockingIOError.
-    """
-    file_lock = FileLock(folder / LOCK, timeout=patience_s, thread_local=False, fallback_to_soft=False)
-    try:
-        file_lock.acquire()
-    except Timeout:
-        raise BlockingIOError(errno.EWOULDBLOCK, "another process is at work in it", str(folder)) from None
-    except (FileNotFoundError, PermissionError):
-        raise
-    except OSError:  # some network file systems
-        return None
-    return file_lock
-
-
-def release(file_lock: BaseFileLock | None) -> None:
-    """Let others in."""
-    if file_lock is not None:
-        with suppress(OSError):  # Windows removes it itself, once no process has it open
-            Path(file_lock.lock_file).unlink()  # first: a process that has just opened it sees that it is gone
-        file_lock.release()
-
-
-def is_locked(folder: Path) -> bool:
-    """Whether a process is at work in a folder; also where that cannot be known. Looking leaves no file."""
-    if not (folder / LOCK).exists():
-        return False
-    try:
-        file_lock = lock(folder)
-    except OSError:
-        return True
-    release(file_lock)
-    return file_lock is None
 
 
 def bytes_of(file: Path) -> bytes:

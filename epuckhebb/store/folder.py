@@ -1,8 +1,4 @@
-"""A run folder from its start to its end: made, locked (by `disk.py`), written, closed.
-
-A new run belongs to the process that could create its `status.json`; it is never merged or overwritten. A resumed
-evolution, or a study, belongs to the process that has locked its folder.
-"""
+"""A run folder from its start to its end: made, claimed and locked (`lock.py`), written, closed."""
 
 import csv
 import io
@@ -23,7 +19,8 @@ from filelock import BaseFileLock
 
 from epuckhebb.runtime import ConfigError, JobFailedError, is_interruption, open_folders, say
 from epuckhebb.store import disk
-from epuckhebb.store.disk import CONFIG, LOCK, OVERRIDES, PROVENANCE, SCHEMA, STATUS, as_json, is_locked, release
+from epuckhebb.store.disk import CONFIG, OVERRIDES, PROVENANCE, SCHEMA, STATUS, as_json
+from epuckhebb.store.lock import LOCK, claim, is_locked, lock, release
 from epuckhebb.store.provenance import provenance
 from epuckhebb.store.run import Run, of_multirun
 
@@ -59,11 +56,11 @@ class RunFolder:
         left_behind: A function that says what an interruption would leave behind.
     """
 
-    def __init__(self, path: Path, lock: BaseFileLock | None, facts: dict[str, Any]) -> None:
+    def __init__(self, path: Path, held: BaseFileLock | None, facts: dict[str, Any]) -> None:
         """Own what `new` or `resume` has claimed; `facts` is the provenance of this call."""
         self.path, self.command_line, self.failure = path, list(facts["command_line"]), ""
         self.left_behind: Callable[[], str] = lambda: ""
-        self._lock, self._started = lock, _now()
+        self._lock, self._started = held, _now()
         self._written: dict[str, str] = {}  # name -> SHA-256 of the files written
         self._earlier: dict[str, str] = {}  # the same for files that an earlier call wrote, and this one not yet
 
@@ -89,13 +86,10 @@ class RunFolder:
             path.mkdir(parents=True, exist_ok=True)
             if not (path / STATUS).exists():
                 _refuse_foreign(path)
-            try:
-                (path / STATUS).touch(exist_ok=False)
-            except FileExistsError:
-                raise ConfigError(f"{path} holds a run; runs are never overwritten, choose another folder") from None
+            claim(path)
             try:
                 with suppress(BlockingIOError):  # the claim is what counts
-                    run._lock = disk.lock(path, _PATIENCE_S)
+                    run._lock = lock(path, _PATIENCE_S)
                 run._begin(content, config, arguments, own)
             except OSError:
                 for name in (STATUS, *run._written):
@@ -126,7 +120,7 @@ class RunFolder:
             path.mkdir(parents=True, exist_ok=True)
             before.check_version()
             _refuse_foreign(path, command)
-            run._lock = disk.lock(path, _PATIENCE_S)
+            run._lock = lock(path, _PATIENCE_S)
             with suppress(ConfigError):  # nothing can be read where nothing has begun
                 earlier, status = before.provenance, before.status
                 run._started = status.get("started", run._started)

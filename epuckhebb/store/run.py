@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from epuckhebb.runtime import LATEST, ConfigError
 from epuckhebb.store import disk
-from epuckhebb.store.disk import CHAMPION, CONFIG, PROVENANCE, SCHEMA, STATUS, bytes_of, is_locked, json_of, sha256_of
+from epuckhebb.store.disk import CHAMPION, CONFIG, PROVENANCE, SCHEMA, STATUS, bytes_of, json_of, sha256_of
+from epuckhebb.store.lock import is_locked
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -7,10 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from cases import call, contents, done
+from omegaconf import OmegaConf
 
 import epuckhebb
-from epuckhebb.runtime.conf import groups, keys_with_defaults
+from epuckhebb.config.compose import composed
+from epuckhebb.runtime.conf import command_file, flat, groups
 from epuckhebb.runtime.errors import INTERRUPTED, JOB_FAILED, USAGE
 from epuckhebb.store.run import Run
 
@@ -82,17 +85,24 @@ def command_line(rng):
     return [command, *words]
 
 
+def keys_with_defaults(command):
+    """The keys of a command and their defaults."""
+    if command == "reproduce":
+        return dict(flat(yaml.safe_load(command_file(command).read_text(encoding="utf-8"))))
+    return dict(flat(OmegaConf.to_container(composed("evaluate" if command == "sweep" else command, []))))
+
+
 def good_setting(command, rng):
     """A choice of a group of a verb, or a key as it is anyway."""
     choices = {group: names for group, names in groups(command).items() if names}
-    key = rng.choice([*choices, *choices, *dict(keys_with_defaults(command))])
-    return f"{key}={rng.choice(choices[key]) if key in choices else dict(keys_with_defaults(command))[key]}"
+    key = rng.choice([*choices, *choices, *keys_with_defaults(command)])
+    return f"{key}={rng.choice(choices[key]) if key in choices else keys_with_defaults(command)[key]}"
 
 
 def setting(command, rng):
     """An override of a key or a group of a verb, with a value that may be anything."""
     choices = groups(command)
-    values = dict(keys_with_defaults(command))
+    values = keys_with_defaults(command)
     key = rng.choice([*choices, *values, *values, *STRUCTURES, *UNKNOWN])
     kinds = [NUMBERS, HOSTILE, NAMES, STRUCTURES.get(key, NUMBERS)]
     if key in choices:

@@ -4,7 +4,9 @@ import functools
 import hashlib
 import platform
 import re
+import site
 import sys
+import sysconfig
 from collections.abc import Iterable, Iterator
 from dataclasses import fields, is_dataclass
 from pathlib import Path
@@ -19,6 +21,14 @@ _ROOT = Path(__file__).parents[2]
 _SCIENCE = ("controller", "tmaze", "adaptation", "flock")  # the packages that kernels are made of
 _OURS = {*sys.stdlib_module_names, "epuckhebb", "numpy"}
 _PLAIN = (bool, int, float, complex, str, bytes, tuple, list, dict)
+_INSTALLED = [
+    Path(folder).resolve()
+    for folder in (
+        *(sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")),
+        *site.getsitepackages(),
+        site.getusersitepackages(),
+    )
+]
 
 
 class UnknownSourceError(ValueError):
@@ -38,10 +48,40 @@ def own_code(values: object) -> str:
     """A digest of the users' files that the classes of these values are from, as far as they are known."""
     digests = []
     for package in _packages(values):
-        modules = [(name, module) for name, module in sorted(sys.modules.items()) if name.partition(".")[0] == package]
-        parts = (part for name, module in modules for part in (name.partition(".")[2], *_content(module)))
-        digests.append(_digest(*parts))
+        modules = {name: module for name, module in sorted(sys.modules.items()) if name.partition(".")[0] == package}
+        parts = (part for name, module in modules.items() for part in (name.partition(".")[2], *_content(module)))
+        elsewhere = {
+            name: content for module in modules.values() for name, content in sources_elsewhere(module).items()
+        }
+        digests.append(_digest(*parts, *(content for _, content in sorted(elsewhere.items()))))
     return _digest(*sorted(digests))
+
+
+def sources_elsewhere(module: ModuleType) -> dict[str, bytes]:
+    """The files of the user's that a module uses and that are neither in its package nor installed, by their paths.
+
+    Such as a helper on `PYTHONPATH`. Their content is that of the first time that this process asked.
+    """
+    sources: dict[str, bytes] = {}
+    seen, waiting = {module.__name__}, [module]
+    while waiting:
+        for value in list(vars(waiting.pop()).values()):
+            name = value.__name__ if isinstance(value, ModuleType) else str(getattr(value, "__module__", None))
+            used = sys.modules.get(name)
+            if used is None or name in seen or name.startswith(OWN_PACKAGE) or not getattr(used, "__file__", None):
+                continue
+            seen.add(name)
+            file = Path(str(used.__file__)).resolve()
+            if not any(map(file.is_relative_to, [_ROOT, *_INSTALLED])):
+                sources[str(file)] = _as_imported(used, file)
+                waiting.append(used)
+    return sources
+
+
+@functools.cache
+def _as_imported(_module: ModuleType, file: Path) -> bytes:
+    """The content of a module's file, which may be edited after it was imported."""
+    return file.read_bytes()
 
 
 def _packages(values: object) -> set[str]:
