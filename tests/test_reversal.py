@@ -189,9 +189,9 @@ def test_the_optimum_is_that_of_win_stay_lose_shift():
                 way = way if hit else -way
             expected += chance / 2 * hits / 10
     assert sum(task.switches().values()) == pytest.approx(1)
-    assert task.optimum() == pytest.approx(expected) == pytest.approx(0.8625)
+    assert task.limits()["optimum"] == pytest.approx(expected) == pytest.approx(0.8625)
     counted = Reversal(first_switch=4, last_switch=4, never=0.0)  # a change that is certain can be counted
-    assert counted.optimum() == pytest.approx(0.95)
+    assert counted.limits()["optimum"] == pytest.approx(0.95)
 
 
 def test_the_fitness_is_the_rewarded_share_and_a_little_for_coming_near():

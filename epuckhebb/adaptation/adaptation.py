@@ -3,7 +3,6 @@
 import math
 from dataclasses import dataclass, fields
 from enum import Enum
-from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -101,46 +100,19 @@ class Adaptation(NoAdaptation):
                     f"adaptation.{unused[0]} does nothing without a signal of change: give adaptation.change_signal, "
                     f"one of {', '.join(names_in(change_signals))}"
                 )
-
-    @property
-    def signal(self) -> type[ChangeSignal] | None:
-        """The signal of change; None without one."""
-        if self.change_signal == NONE:
-            return None
-        kind = self.change_signal
-        found: type[ChangeSignal] = class_in(change_signals, kind) if isinstance(kind, str) else kind
-        return found
+        kind = None if is_own or self.change_signal == NONE else class_in(change_signals, self.change_signal)
+        self.signal: type[ChangeSignal] | None = self.change_signal if isinstance(self.change_signal, type) else kind
+        self.is_gated = self.signal is not None
+        self.acts = self.is_gated or self.homeostasis  # all that acts compares with nominal statistics
+        self.needs_arrival = self.signal is not None and self.signal.needs_arrival
+        self.follows_walls = self.exploration is not Exploration.motor_noise
+        at_once = self.start_by_s <= STEP_S and self.threshold <= 0 and self.active_s == 0
+        self.is_network_unused = self.exploration is Exploration.wall_following and at_once
 
     @property
     def parts(self) -> "Parts | tuple[()]":
         """See `NoAdaptation`; one that does nothing has none, so that its kernel has one name."""
         return Parts(*(getattr(self, name) for name in Parts._fields)) if self.acts else ()
-
-    @property
-    def is_gated(self) -> bool:
-        """See `NoAdaptation`."""
-        return self.signal is not None
-
-    @property
-    def acts(self) -> bool:
-        """See `NoAdaptation`: all that acts compares with nominal statistics of the training world."""
-        return self.is_gated or self.homeostasis
-
-    @property
-    def needs_arrival(self) -> bool:
-        """See `NoAdaptation`."""
-        return self.signal is not None and self.signal.needs_arrival
-
-    @property
-    def follows_walls(self) -> bool:
-        """Whether the robot follows walls while the gate is open."""
-        return self.exploration is not Exploration.motor_noise
-
-    @property
-    def is_network_unused(self) -> bool:
-        """See `NoAdaptation`: whether the robot follows walls from its first step until it is at the goal."""
-        at_once = self.start_by_s <= STEP_S and self.threshold <= 0 and self.active_s == 0
-        return self.exploration is Exploration.wall_following and at_once
 
     @property
     def knowledge(self) -> tuple[str, ...]:
@@ -185,7 +157,21 @@ class Adaptation(NoAdaptation):
 
     def hooks(self, robot: Robot, post: int) -> Hooks:
         """See `NoAdaptation`."""
-        return _hooks(self.parts, robot, post) if isinstance(self.parts, Parts) else super().hooks(robot, post)
+        limit = robot.motor_limit_rad_s
+        explore, open_gate = NO_HOOKS.explore, NO_HOOKS.open_gate
+        if self.signal is not None:
+            explore = with_motor_noise(limit)
+            if self.follows_walls:
+                explore = following(wall_following(robot), limit)
+            if self.stay.halts:
+                explore = halting(explore)
+            open_gate = gates(self.signal, self.plastic_when, self.stay)
+        return Hooks(
+            scale=homeostasis(robot.light.count, post) if self.homeostasis else NO_HOOKS.scale,
+            open_gate=open_gate,
+            explore=explore,
+            resets=self.is_gated and self.stay is not Stay.learn,
+        )
 
     def initial_state(self, robot: Robot) -> Any:
         """See `NoAdaptation`."""
@@ -237,23 +223,3 @@ class Parts(NamedTuple):
     plastic_when: PlasticWhen = PlasticWhen.late
     stay: Stay = Stay.none
     homeostasis: bool = False
-
-
-@cache
-def _hooks(parts: Parts, robot: Robot, post: int) -> Hooks:
-    """The functions of an adaptation; those of a kernel are made once, so that it is compiled once."""
-    limit = robot.motor_limit_rad_s
-    explore, open_gate = NO_HOOKS.explore, NO_HOOKS.open_gate
-    if parts.signal is not None:
-        explore = with_motor_noise(limit)
-        if parts.follows_walls:
-            explore = following(wall_following(robot), limit)
-        if parts.stay.halts:
-            explore = halting(explore)
-        open_gate = gates(parts.signal, parts.plastic_when, parts.stay)
-    return Hooks(
-        scale=homeostasis(robot.light.count, post) if parts.homeostasis else NO_HOOKS.scale,
-        open_gate=open_gate,
-        explore=explore,
-        resets=parts.signal is not None and parts.stay is not Stay.learn,
-    )

@@ -18,7 +18,7 @@ from epuckhebb.controller.compiling.kernel import compiled
 from epuckhebb.controller.compiling.simd import WIDTH, alike, plus, read, times, write
 from epuckhebb.controller.network import GivenOutputs, Network, tanh
 from epuckhebb.controller.own_class import number_of
-from epuckhebb.controller.wiring import OF_NEURON, Neurons, Wiring
+from epuckhebb.controller.wiring import OF_NEURON, Neurons
 
 MOST_BLOCKS = 16  # that are written out
 
@@ -55,21 +55,15 @@ def forward_pass(network: Network) -> Callable[..., None]:
     return forward
 
 
-def neuron_of(wiring: Wiring) -> Callable[..., float]:
-    """The function `respond(j, first, drive, activation, neurons)`: the activation of neuron j."""
-    kind = type(wiring)
-    evolved = {name: f"neurons.parameters[{row}, j - first]" for row, name in enumerate(kind.evolved)}
-    how, given = {**OF_NEURON, **evolved}, "j, first, drive, activation, neurons"
-    made: Callable[..., float] = number_of(kind, kind.neuron, kind.arguments("neuron"), how, given, "neurons.numbers")
-    return made
-
-
 def _responder(network: Network) -> Callable[..., None]:
     """The function `respond(begin, end, drive, activation, neurons)` that gives neurons their activations."""
     own = network.first_neuron[1]
     of_one: Callable[..., float] = compiled(lambda j, _, drive, *__: tanh(drive[j]))
     if network.wiring is not None:
-        of_one = neuron_of(network.wiring)
+        kind = type(network.wiring)
+        evolved = {name: f"neurons.parameters[{row}, j - first]" for row, name in enumerate(kind.evolved)}
+        how, arguments = {**OF_NEURON, **evolved}, "j, first, drive, activation, neurons"
+        of_one = number_of(kind, kind.neuron, kind.arguments("neuron"), how, arguments, "neurons.numbers")
 
     @compiled
     def respond(begin: int, end: int, drive: Floats, activation: Floats, neurons: Any) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.compiling.errors import explained
 from epuckhebb.controller.compiling.kernel import compiled
 from epuckhebb.controller.wiring import Neurons
 from epuckhebb.tmaze.individual import Individual
@@ -23,7 +24,7 @@ from epuckhebb.tmaze.outcome import Outcome
 from epuckhebb.tmaze.physics.pymunk import MOTION, PYMUNK, PymunkSpace
 from epuckhebb.tmaze.reachable import gap
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.session import Session
+from epuckhebb.tmaze.session import Session, own_parts
 from epuckhebb.tmaze.simulator import Simulator
 
 _SHARED = ("side", "controller", "network")  # of an individual: one lamp, one kernel and one rate for all
@@ -137,7 +138,7 @@ class RobotGroup:
             before=np.zeros((count, 2)),
         )
         for number, session in enumerate(self._sessions):
-            session.carry_on(life_of(self._group, number))
+            session.life = life_of(self._group, number)
 
     @property
     def steps(self) -> int:
@@ -155,7 +156,8 @@ class RobotGroup:
         try:
             self._live(self._group, self._sessions[0].setup, self._space.handles, until)
         except Exception as error:  # machine code raises nothing, so it comes from compiling
-            raise self._sessions[0].explained(error) from error
+            session = self._sessions[0]
+            raise explained(own_parts(session.individual, session.world), error) from error
         for session in self._sessions:
             session.check()
 

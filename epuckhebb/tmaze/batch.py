@@ -64,16 +64,16 @@ def load_kernel(
     world = scenario or Scenario()
     net = network or Network((world.inputs, *HIDDEN, OUTPUTS), world.task.gives_reward)
     genes = plan_of(net, type(controller.rule)).genes
-    own = own_parts(controller, net, world)
     dummy = Individual(
-        genes=np.random.default_rng(0).uniform(-1.0, 1.0, genes) if own else np.zeros(genes),
+        genes=np.random.default_rng(0).uniform(-1.0, 1.0, genes),
         side="left",
         controller=controller,
         network=net,
         signs=np.ones(net.synapses),
         key=np.uint64(0),
-        record=bool(own),
+        record=True,
     )
+    own = own_parts(dummy, world)
     duration_s, gain = _TRIED_S if own else STEP_S, min(1.0, world.robot.motor_limit_rad_s)
     lifetime = Lifetime(duration_s=duration_s, gain_rad_s=gain, record_every=1)
     first, *again = (run_lifetimes([dummy], world, lifetime)[0] for _ in range(2 if own else 1))

@@ -48,35 +48,13 @@ NO_HOOKS = Hooks(scale=nothing, open_gate=one, explore=_as_it_is, resets=False)
 class NoAdaptation:
     """What a lifetime asks of an adaptation; this one does nothing. `epuckhebb.adaptation` has the others.
 
-    name: in tables.
+    name: in tables. acts: whether it does anything. is_gated: whether a signal of change opens and closes a gate.
+    homeostasis: whether it scales the weights from the light sensors. needs_arrival: whether it compares with the time
+    at which the champion reached its goal in training. is_network_unused: whether hand-written code alone drives.
     """
 
     name: str = "none"
-
-    @property
-    def acts(self) -> bool:
-        """Whether it does anything."""
-        return False
-
-    @property
-    def is_gated(self) -> bool:
-        """Whether a signal of change opens and closes a gate."""
-        return False
-
-    @property
-    def homeostasis(self) -> bool:
-        """Whether it scales the weights from the light sensors."""
-        return False
-
-    @property
-    def needs_arrival(self) -> bool:
-        """Whether it compares with the time at which the champion reached its goal in training."""
-        return False
-
-    @property
-    def is_network_unused(self) -> bool:
-        """Whether the robot is driven by hand-written code alone."""
-        return False
+    acts = is_gated = homeostasis = needs_arrival = is_network_unused = False
 
     @property
     def knowledge(self) -> tuple[str, ...]:

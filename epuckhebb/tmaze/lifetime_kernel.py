@@ -36,13 +36,13 @@ def kernel_of(
 ) -> Any:
     """`live`, or another page that takes the parts of a lifetime (`look`, `live_group`), compiled or from the cache.
 
-    more_faults: whether there are other faults than dead sensors and weak
-    wheels. Of task, fitness and adaptation only the functions matter.
+    more_faults: whether there are other faults than dead sensors and weak wheels. Of task, fitness and adaptation
+    only the functions matter.
     """
-    hooks, scoring = adaptation.hooks(robot, network.post[0]), scored(fitness)
-    place = (rule, hooks, network, robot, more_faults, type(task), scoring, physics, page)
-    if place in _kernels:
-        return _kernels[place]
+    scoring = scored(fitness)
+    values = (rule, adaptation.parts, network, robot, more_faults, type(task), scoring, physics)
+    if (page, values) in _kernels:
+        return _kernels[page, values]
     check_inputs(network, robot, task)
     parts = {
         "OUTPUT": network.first_output,
@@ -57,7 +57,7 @@ def kernel_of(
         "forward": forward_pass(network),
         "learn": update_of(rule, network),
         "modulate": modulation_of(rule, network),
-        **hooks._asdict(),
+        **adaptation.hooks(robot, network.post[0])._asdict(),
         "apply_sensor_faults": sensor_faults(robot) if more_faults else nothing,
         "turn_wheels": turn_with_faults if more_faults else turn_at_once,
         **task.hooks(robot.inputs)._asdict(),
@@ -67,8 +67,7 @@ def kernel_of(
     }
     for block in (perceive, decide, settle):
         parts[block.__name__] = compiled(with_parts(block, parts))
-    values = (rule, adaptation.parts, network, robot, more_faults, type(task), scoring, physics)
-    _kernels[place] = made = kernel(page, values, **parts)
+    _kernels[page, values] = made = kernel(page, values, **parts)
     return made
 
 

@@ -4,7 +4,6 @@ An own fitness has a static method `step`, which is compiled into the kernel, a 
 Python and called when a lifetime is over, or both. A fitness that has only `life` needs no kernel of its own.
 """
 
-import functools
 import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
@@ -108,8 +107,12 @@ class Fitness(OwnClass):
 
     def initial_state(self) -> NDArray[np.void]:
         """One record: the sum over the steps, 0, and what is stored from step to step."""
-        kind: Any = type(self)
-        return _initial_state(kind).copy()
+        initial = self.state if self.step else {}
+        kinds = [("sum", np.float64, ()), *((name, np.float64, np.shape(value)) for name, value in initial.items())]
+        record = np.zeros(1, np.dtype(kinds, align=True))
+        for name, value in initial.items():
+            record[name] = value
+        return record
 
     def of_lifetime(self, facts: Mapping[str, Any], state: NDArray[np.void]) -> float:
         """The fitness of a lifetime. facts: the values of the arguments `paper` to `trials`, and others, by name.
@@ -129,17 +132,6 @@ class Fitness(OwnClass):
         if not is_number or not math.isfinite(value):
             raise PartError(f"fitness {self.name}: `life` must return a finite number, it returned {value!r}")
         return float(value)
-
-
-@functools.cache
-def _initial_state(kind: Any) -> NDArray[np.void]:
-    """See `Fitness.initial_state`."""
-    initial = kind.state if kind.step else {}
-    kinds = [("sum", np.float64, ()), *((name, np.float64, np.shape(value)) for name, value in initial.items())]
-    record = np.zeros(1, np.dtype(kinds, align=True))
-    for name, value in initial.items():
-        record[name] = value
-    return record
 
 
 PAPER_FITNESS = Fitness()

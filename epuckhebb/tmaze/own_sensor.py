@@ -64,7 +64,7 @@ class Sensor(SensorGroup, OwnClass):
 
     def kernels(self, first: int, radius_m: float) -> Kernels:  # noqa: ARG002  # others need it
         """See `SensorGroup`."""
-        noise = float(self.noise)
+        noise, by = float(self.noise), namedtuple_of("By", self.settings())(*self.numbers())
 
         @compiled
         def put(k: int, value: float, around: Surroundings, scratch: Floats, readings: Floats) -> None:
@@ -73,7 +73,7 @@ class Sensor(SensorGroup, OwnClass):
             noisy = value + around.noise_level * noise * around.noise[first + k]
             readings[first + k] = min(1.0, max(0.0, noisy))
 
-        parts = {"values": call_of(type(self).read, self.arguments("read"), _OF_READ, "around", by=self._by())}
+        parts = {"values": call_of(type(self).read, self.arguments("read"), _OF_READ, "around", by=by)}
         # The calls are written out, because the values of a tuple may be of several types.
         value = "float(values{})" if self.count == 1 else "float(values[{}])"
         puts = ", ".join(
@@ -95,18 +95,10 @@ class Sensor(SensorGroup, OwnClass):
         if not is_number or not 0.0 <= value <= 1.0:
             raise PartError(f"sensor {self.name}: {reading} must lie in [0, 1] before the noise, `read` gave {value}")
 
-    def _by(self) -> Any:
-        return namedtuple_of("By", self.settings())(*self.numbers())
-
-
-def own_sensors(groups: Sequence[SensorGroup]) -> list[Sensor]:
-    """The sensors of the user's own among the groups of a robot."""
-    return [group for group in groups if isinstance(group, Sensor)]
-
 
 def reading_names(groups: Sequence[SensorGroup]) -> str:
     """The readings of the user's sensors among the groups of a robot, with `, ` between."""
-    return ", ".join(label for sensor in own_sensors(groups) for label in sensor.labels)
+    return ", ".join(label for sensor in groups if isinstance(sensor, Sensor) for label in sensor.labels)
 
 
 def recorded_sensor(name: str, readings: Sequence[str]) -> Sensor:

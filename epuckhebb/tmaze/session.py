@@ -9,9 +9,9 @@ import math
 import numpy as np
 
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.compiling.errors import NotCompiledError, explained
+from epuckhebb.controller.compiling.errors import explained
 from epuckhebb.controller.genome import NEURON, WEIGHTS
-from epuckhebb.controller.network import Network, initial_weights_of
+from epuckhebb.controller.network import initial_weights_of
 from epuckhebb.controller.own_class import OwnClass, PartError, is_own
 from epuckhebb.controller.plasticity.rule import (
     INITIAL_RANGE,
@@ -25,7 +25,7 @@ from epuckhebb.controller.random import Stream, rng
 from epuckhebb.controller.wiring import NO_NEURONS
 from epuckhebb.tmaze import fitness
 from epuckhebb.tmaze.faults import initial_past
-from epuckhebb.tmaze.individual import Controller, Individual
+from epuckhebb.tmaze.individual import Individual
 from epuckhebb.tmaze.life import (
     INITIAL_BYTES,
     TALLY,
@@ -80,7 +80,6 @@ class Session:
         self._is_usual = self._nominal is None and individual.after is None
         self._record_every = self.lifetime.record_every if individual.record else 0
         self.life = self._initial_life(first)
-        self._tally = self.life.tally[0]  # a view of the record
         self.samples = kind.no_samples
         if self._record_every:
             count = -(-self.lifetime.steps // self._record_every)
@@ -91,7 +90,8 @@ class Session:
         if individual.after is not None:
             before = Session(individual.after, world, self.lifetime, simulator=simulator)
             before.step(self.lifetime.steps)
-            self._history = before.history
+            tally, (steps, summed) = tally_of(before.life), before._history
+            self._history = fitness.History(steps + float(tally.step - tally.began), summed + tally.undirected_sum)
         self._start = first.maze.start if individual.start is None else individual.start
         self._space = self._phases[0].space
         self._space.place_robot(self._start)
@@ -146,14 +146,7 @@ class Session:
     @property
     def steps(self) -> int:
         """How many steps have been run."""
-        return int(self._tally["step"])
-
-    @property
-    def history(self) -> fitness.History:
-        """The history of the live fitness so far."""
-        tally, before = self._tally, self._history
-        steps = float(tally["step"] - tally["began"])
-        return fitness.History(before.steps + steps, before.sum + float(tally["undirected_sum"]))
+        return int(self.life.tally[0]["step"])
 
     @property
     def is_over(self) -> bool:
@@ -228,12 +221,8 @@ class Session:
         at_start = min(math.dist(self._start[:2], goal) for goal in self._first.goals_now.values())
         return outcome_of(self.life, self.world, at_start, self.individual.controller.rule.w_max, pose or self.pose)
 
-    def carry_on(self, life: Life) -> None:
-        """Carry on in these arrays: those of robots in one space lie behind one another."""
-        self.life, self._tally = life, life.tally[0]
-
     def _has_ended(self) -> bool:
-        return len(self.life.trials) > 0 and bool(self._tally["over"])
+        return len(self.life.trials) > 0 and bool(self.life.tally[0]["over"])
 
     def _enter_due(self) -> None:
         """Begin the phases that the next step belongs to."""
@@ -270,7 +259,7 @@ class Session:
         if self.world.reset:
             genotype = self.life.genotype
             self.life.weights[:], self.life.synapse_state[:] = genotype.weights, genotype.synapse_state
-            self._tally["weight_change"] = 0.0
+            self.life.tally[0]["weight_change"] = 0.0
         self.setup = Setup(
             **{
                 **kind.setup,
@@ -290,13 +279,8 @@ class Session:
         try:
             live(self.life, self.setup, self._space.handles, until)
         except Exception as error:  # machine code raises nothing, so it comes from compiling
-            raise self.explained(error) from error
+            raise explained(own_parts(self.individual, self.world), error) from error
         self.check()
-
-    def explained(self, error: Exception) -> NotCompiledError:
-        """Why the kernel does not compile."""
-        who = self.individual
-        return explained(own_parts(who.controller, who.network, self.world), error)
 
     def check(self) -> None:
         """Check that the lifetime still has finite numbers."""
@@ -325,8 +309,9 @@ class Session:
             raise LostRobotError(f"{where} the robot's pose stopped being finite or left the arena {when}")
 
 
-def own_parts(controller: Controller, network: Network, world: Scenario) -> list[type[OwnClass]]:
+def own_parts(individual: Individual, world: Scenario) -> list[type[OwnClass]]:
     """The classes of a lifetime's parts that are the user's own."""
-    parts = (controller.rule, network.wiring, world.fitness, world.task, world.physics, *world.robot.sensors)
+    controller, wiring = individual.controller, individual.network.wiring
+    parts = (controller.rule, wiring, world.fitness, world.task, world.physics, *world.robot.sensors)
     kinds = [*map(type, parts), *controller.adaptation.parts]
     return [kind for kind in kinds if isinstance(kind, type) and issubclass(kind, OwnClass) and is_own(kind)]

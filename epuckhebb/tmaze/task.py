@@ -28,6 +28,7 @@ TRIAL = np.dtype(
     ],
     align=True,
 )
+_TO_ONE_GOAL = compiled(lambda setup, x, y: distance_to(x, y, setup.goal_x, setup.goal_y))
 NO_TRIALS = np.zeros(0, TRIAL)  # of a lifetime that is one trial, described by its outcome
 
 
@@ -78,7 +79,7 @@ class Task(OwnClass):
 
     def hooks(self, first: int) -> Hooks:  # noqa: ARG002  # others need it
         """The functions that a lifetime calls. first: the place of the task's first input among the network's."""
-        return Hooks(nothing, _to_one_goal, nothing)
+        return Hooks(nothing, _TO_ONE_GOAL, nothing)
 
     def terms(self, goals: Mapping[Side, Place], start: Pose) -> tuple[Any, ...]:  # noqa: ARG002  # others need them
         """The numbers that these functions need. goals: the ends of the maze. start: of each trial."""
@@ -100,8 +101,3 @@ class Task(OwnClass):
         at_start: distance from the start to the goal [m].
         """
         return (behaviour + reward) / 2.0
-
-
-@compiled
-def _to_one_goal(setup: Any, x: float, y: float) -> float:
-    return distance_to(x, y, setup.goal_x, setup.goal_y)

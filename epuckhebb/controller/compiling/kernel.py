@@ -157,23 +157,15 @@ def in_module(function: Function, name: str) -> Function:
     return cast(Function, copy)
 
 
-def cache_root() -> Path:
-    """Where kernels are stored; a RuntimeError if no folder of the user is known, as in some containers."""
-    if named := os.environ.get("NUMBA_CACHE_DIR"):
-        return Path(named)
-    if caches := os.environ.get("XDG_CACHE_HOME"):  # on every system, as other programs of this kind do
-        return Path(caches) / "epuckhebb"
-    root = platformdirs.user_cache_path("epuckhebb", appauthor=False)
-    if not root.is_absolute():  # what some versions return where no folder of the user is known
-        raise RuntimeError("no folder of the user is known")
-    return root
-
-
 def _cache_folder(name: str) -> Path | None:
     """The folder of a kernel in `$NUMBA_CACHE_DIR` or the user's cache folder; None if it cannot be written to."""
+    override = os.environ.get("NUMBA_CACHE_DIR")
     try:
-        folder = cache_root() / f"kernel-{name}"
+        root = Path(override).absolute() if override else platformdirs.user_cache_path("epuckhebb", appauthor=False)
+        folder = root / f"kernel-{name}"
+        if not root.is_absolute():  # no folder of the user is known, as in some containers
+            return None
         folder.mkdir(parents=True, exist_ok=True)
-    except (OSError, RuntimeError):  # RuntimeError: no folder of the user is known
+    except (OSError, RuntimeError):
         return None
     return folder if os.access(folder, os.W_OK) else None

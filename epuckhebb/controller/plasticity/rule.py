@@ -204,7 +204,7 @@ def check_layers(rule: type[Rule], network: Network) -> None:
     needs = [name for name, evolved in evolved_by(rule, network).items() if evolved.per == "layer"]
     why = "keeps the lengths of incoming weights" if rule.keeps_lengths else ""
     why = f"has {needs[0]} for each layer" if needs else why
-    why = "has a modulatory neuron, which receives the layer before the wheels" if is_modulated(rule) else why
+    why = "has a modulatory neuron, which receives the layer before the wheels" if modulator_of(rule) else why
     if why:
         raise ValueError(
             f"rule {name_of(rule)} {why}, and network.wiring={network.wiring.name} has no layers; give another rule, "
@@ -237,7 +237,7 @@ def coefficients(rule: type[Rule], network: Network, genes: Mapping[str, Floats]
 
 def modulatory_weights(rule: type[Rule], genes: Mapping[str, Floats], reward: Reward = Reward.given) -> Floats:
     """The weights of a rule's modulatory neuron: from neurons, its bias, from the reward input if any; or none."""
-    name = _modulator(rule)
+    name = modulator_of(rule)
     if name is None:
         return np.empty(0)
     of_reward = [genes[one] for one, evolved in rule.with_reward.items() if evolved.per == REWARD and one in genes]
@@ -245,15 +245,11 @@ def modulatory_weights(rule: type[Rule], genes: Mapping[str, Floats], reward: Re
     return np.concatenate([genes[name], *(sign * weight for weight in of_reward)])
 
 
-def is_modulated(rule: type[Rule]) -> bool:
-    """Whether a rule has a modulatory neuron."""
-    return _modulator(rule) is not None
-
-
 def receives_reward(rule: type[Rule]) -> bool:
     """Whether a rule has a modulatory neuron that receives a reward where the network has that input."""
     return any(evolved.per == REWARD for evolved in rule.with_reward.values())
 
 
-def _modulator(rule: type[Rule]) -> str | None:
+def modulator_of(rule: type[Rule]) -> str | None:
+    """The name of the weights of a rule's modulatory neuron; None if it has none."""
     return next((name for name, evolved in rule.evolved.items() if evolved.per == MODULATOR), None)

@@ -24,7 +24,7 @@ from epuckhebb.controller.plasticity.rule import (
     NoRule,
     Rule,
     coefficient_names,
-    is_modulated,
+    modulator_of,
     receives_reward,
 )
 from epuckhebb.controller.plasticity.weight_change import total_of, weight_change
@@ -151,7 +151,7 @@ def modulation_of(rule: type[Rule], network: Network) -> Modulate:
     With a reward input r, m = v . h + v0 + vr r if the rule has vr. 1 for a rule without a modulatory neuron.
     modulatory: v, v0, vr. activation: (neurons,).
     """
-    if not is_modulated(rule):
+    if modulator_of(rule) is None:
         return one
     hidden, first = network.layers[-2], network.first_neuron[-2]
     rewarded, reward = network.rewarded and receives_reward(rule), network.inputs - 1

@@ -79,11 +79,6 @@ class Reversal(Task):
         check_value("task.last_switch", self.last_switch, Range(2, self.trials))
         check_value("task.first_switch", self.first_switch, Range(2, self.last_switch))
 
-    @property
-    def longest_s(self) -> float:
-        """How long a lifetime can last [s]."""
-        return self.trials * (_steps(self.time_out_s) + _steps(self.reward_s)) * STEP_S
-
     def check_lamp(self, intensity: float) -> None:
         """See `Task`: a lamp would show the first side."""
         if intensity != 0:
@@ -94,9 +89,10 @@ class Reversal(Task):
 
     def check_time(self, duration_s: float) -> None:
         """See `Task`: there must be time for every trial."""
-        if duration_s < self.longest_s - 1e-9:
+        longest_s = self.trials * (_steps(self.time_out_s) + _steps(self.reward_s)) * STEP_S
+        if duration_s < longest_s - 1e-9:
             raise ValueError(
-                f"lifetime.duration_s must be at least {self.longest_s:g} s with task=reversal, the longest that its "
+                f"lifetime.duration_s must be at least {longest_s:g} s with task=reversal, the longest that its "
                 f"{self.trials} trials can last, got {duration_s:g}"
             )
 
@@ -145,15 +141,10 @@ class Reversal(Task):
         """See `Task`.
 
         Lifetimes come in pairs: one with each end rewarded first, and the switch at the same trial. A fixed sequence of
-        choices is therefore right in one lifetime wherever it is wrong in the other.
-        """
-        return {"chance": 0.5, "optimum": self.optimum()}
-
-    def optimum(self) -> float:
-        """The largest possible share of rewarded trials, on average over lifetimes.
-
-        The first trial is a guess. From then on the last reward shows the good end, and the best choice is to stay with
-        it while a change is less likely than not: win-stay, lose-shift. After the change the good end is certain.
+        choices is therefore right in one lifetime wherever it is wrong in the other: chance. The optimum is on average
+        over lifetimes. The first trial is a guess. From then on the last reward shows the good end, and the best choice
+        is to stay with it while a change is less likely than not: win-stay, lose-shift. After the change the good end
+        is certain.
         """
         chances = self.switches()
         expected = 0.5
@@ -161,7 +152,7 @@ class Reversal(Task):
             before = sum(chances.get(earlier, 0.0) for earlier in range(2, trial))
             here = chances.get(trial, 0.0)
             expected += before + max(here, 1 - before - here)
-        return expected / self.trials
+        return {"chance": 0.5, "optimum": expected / self.trials}
 
     def fitness(
         self,

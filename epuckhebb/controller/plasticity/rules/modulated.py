@@ -29,18 +29,6 @@ from epuckhebb.controller.plasticity.rule import MODULATOR, REWARD, Rule
 _ONE = Evolved("network", start=0.5, limit=2.0)
 
 
-def _mild(genes: Floats) -> Floats:
-    return 0.2 * genes
-
-
-def _strong(genes: Floats) -> Floats:
-    return 4.0 * (1.0 + genes)
-
-
-def _by_powers(genes: Floats) -> Floats:
-    return np.asarray(10.0 ** np.clip(genes, -1.5, 1.0) / 0.3)
-
-
 @dataclass(frozen=True, kw_only=True)
 class Modulated(Rule):
     """Plasticity scaled by a modulatory neuron, ten numbers in the paper's network, eleven with a reward.
@@ -53,9 +41,9 @@ class Modulated(Rule):
         **dict.fromkeys(("A", "B", "C", "D", "eta"), _ONE),
     }
     with_reward: ClassVar = {
-        "v": Evolved(MODULATOR, start=0.5, limit=2.0, value=_mild),
-        "eta": _ONE._replace(value=_by_powers),
-        "vr": Evolved(REWARD, start=0.5, limit=2.0, value=_strong),
+        "v": Evolved(MODULATOR, start=0.5, limit=2.0, value=lambda theta: 0.2 * theta),
+        "eta": _ONE._replace(value=lambda theta: 10.0 ** np.clip(theta, -1.5, 1.0) / 0.3),
+        "vr": Evolved(REWARD, start=0.5, limit=2.0, value=lambda theta: 4.0 * (1.0 + theta)),
     }
     coefficients: ClassVar = ("A", "B", "C", "D")
 
