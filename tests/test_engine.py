@@ -2,6 +2,7 @@
 
 import json
 import re
+import sys
 import time
 
 import pytest
@@ -111,7 +112,7 @@ def test_what_killed_calls_left_half_done_is_thrown_away_but_not_what_is_at_work
 
 def test_the_bar_shows_how_much_is_done(monkeypatch, capsys):
     be_quiet(False)
-    monkeypatch.setattr(progress, "_is_watched", lambda: True)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     with Bar("generation", 10) as bar:
         bar.show(4, "best 0.5")
         say("a note")

@@ -138,8 +138,7 @@ def test_a_run_tells_where_its_own_files_were():
     (run,) = Path("runs/evaluate").iterdir()
     whole = " ".join(["epuckhebb", *asked, "--config-dir", "mine"])
     assert whole in " ".join(call("show", "latest").stdout.split())
-    again = " ".join(word for word in whole.split() if "record_every" not in word)
-    assert f"{again} lifetime.record_every=8" in call("replay", str(run)).stderr
+    assert "lifetime.record_every=8" in call("replay", str(run)).stderr
     assert Run(run).provenance["overrides"] == asked[1:]
 
 

@@ -73,12 +73,7 @@ def evaluate(overrides: Overrides = None, open_page: Open = False, *, options: R
     from epuckhebb.runs import as_evolved, evaluate_job, prepare_evaluation
 
     if open_page and (options.multirun or options.cfg):
-        raise ConfigError(
-            "--open shows the page of one run, so it does not go with --multirun or --cfg; "
-            "run `epuckhebb replay RUN --open` for one of the runs of a multirun"
-        )
-    if open_page and "lifetime.record_every=0" in (overrides or []):
-        raise ConfigError("--open shows what was recorded; give lifetime.record_every=8, or leave it out")
+        raise ConfigError("--open shows the page of one run: leave out --multirun and --cfg")
     words = as_evolved(with_genomes_named(overrides), options.config_dir)
     runs = run_command("evaluate", evaluate_job, prepare_evaluation, words, options, reports=True)
     if open_page:
@@ -106,8 +101,7 @@ def replay(
     run = resolve_run(run, "evaluate", "flock")
     page = output or (run / "replay.html" if open_page else None)
     files = write_replay(run, page, gif, mp4)
-    for file in files:
-        typer.echo(file)
+    typer.echo("\n".join(map(str, files)))
     if open_page:
         open_in_browser(files[0])
 
@@ -287,14 +281,9 @@ def export(
     from epuckhebb.export import webots as exported
 
     if not webots:
-        raise ConfigError(
-            f"export writes controllers for Webots: type `epuckhebb export {what} --webots`. {what} is a run of "
-            "`epuckhebb evaluate`, or a champion: a run of `epuckhebb evolve`, latest, a file, or reference_7"
-        )
+        raise ConfigError(f"export writes controllers for Webots: type `epuckhebb export {what} --webots`")
     files, next_step = exported.webots(what, output)
-    for file in files:
-        typer.echo(file)
-    typer.echo(next_step)
+    typer.echo("\n".join([*map(str, files), next_step]))
 
 
 @app.command(cls=Command)

@@ -1,7 +1,6 @@
 """Prints the tables of results: of an evaluation or an evolution, and of studies."""
 
 import math
-from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +9,7 @@ from rich.text import Text
 
 from epuckhebb.analysis import tables
 from epuckhebb.analysis.evaluate import Rows
-from epuckhebb.analysis.tables import Table, unmarked
+from epuckhebb.analysis.tables import unmarked
 from epuckhebb.cli.console import print_line, print_table
 from epuckhebb.runtime import thread_count
 from epuckhebb.store import Run, is_bundled, load_genome
@@ -38,16 +37,6 @@ def print_evaluation(path: Path, console: Console, metrics: Rows | None = None) 
     _print_notes(path, console)
 
 
-def evaluation_in_short(path: Path) -> str:
-    """The success of each controller on each side, a line each."""
-    success = {place: means["Success"] for place, means in tables.paper_table(Run(path).rows("metrics.csv")).items()}
-    return "\n".join(
-        f"{name} success {success.get((name, 'left'), math.nan):.2f} left "
-        f"{success.get((name, 'right'), math.nan):.2f} right"
-        for name in dict.fromkeys(name for name, _ in success)
-    )
-
-
 def print_trials(path: Path, console: Console) -> None:
     """Print the rewarded share of each controller, beside chance and the optimum."""
     rows = []
@@ -59,31 +48,15 @@ def print_trials(path: Path, console: Console) -> None:
     _print_notes(path, console)
 
 
-def trials_in_short(path: Path) -> str:
-    """The rewarded share of each controller, in one line."""
-    shares = Run(path).table("reversal.csv")
-    return "rewarded share: " + ", ".join(f"{row.controller} {row.rewarded_share:.2f}" for row in shares.itertuples())
-
-
 def print_evolution(path: Path, console: Console) -> None:
-    """Print how fitness rose, and how well the fittest of the last generation did."""
+    """Print how fitness rose, and how well the fittest of the last generation did, where a lifetime has one goal."""
     history = Run(path).rows("history.csv")
     first, last = history[0], history[-1]
     best = f"best fitness {first['best_fitness']:.3f} → {last['best_fitness']:.3f}"
     mean = f"mean {first['mean_fitness']:.3f} → {last['mean_fitness']:.3f}"
-    console.print(Text(f"{len(history)} generations: {best}, {mean}{_fittest(path, last)}."))
-
-
-def _fittest(path: Path, last: dict[str, Any]) -> str:
-    """How often the fittest of the last generation reached its goal, where a lifetime has one."""
-    if load_genome(str(path), "").task:
-        return ""
-    return f"; the fittest reached its goal in {100 * last['best_success']:.0f} % of its training lifetimes"
-
-
-def evolution_in_short(path: Path) -> str:
-    """The best fitness of the last generation."""
-    return f"best fitness {Run(path).rows('history.csv')[-1]['best_fitness']:.3f}"
+    share = f"; the fittest reached its goal in {100 * last['best_success']:.0f} % of its training lifetimes"
+    has_trials = bool(load_genome(str(path), "").task)
+    console.print(Text(f"{len(history)} generations: {best}, {mean}{'' if has_trials else share}."))
 
 
 def _title(metrics: Rows) -> str:
@@ -121,78 +94,67 @@ def print_jobs(found: dict[str, Any], console: Console) -> None:
         print_line(console, f"About {duration} on the {cores} cores of this machine, if they are free.")
 
 
-_RESULTS = {  # file of results of a run -> what prints them, and what says them in short
-    "reversal.csv": (print_trials, trials_in_short),  # it has metrics.csv, too
-    "metrics.csv": (print_evaluation, evaluation_in_short),
-    "history.csv": (print_evolution, evolution_in_short),
-}
-
-
 def print_results(path: Path, console: Console, metrics: Rows | None = None) -> None:
     """Print the results of a run or of a study; nothing of a study that has not written its tables yet.
 
     metrics: the lifetimes of an evaluation; read unless given.
     """
     run = Run(path)
-    is_own = run.provenance["command"] == "sweep"  # a job of a user's study, whose tables may have any columns
-    file = next((file for file in _RESULTS if run.has(file) and not is_own), None)
     if (study := study_in(path)) is not None:
         if run.has(study.result):
-            _print_study(study, path, console)
-    elif metrics is not None and file == "metrics.csv":
+            print_study(study, path, console)
+    elif run.provenance["command"] == "sweep":  # a job of a user's study, whose tables may have any columns
+        pass
+    elif run.has("reversal.csv"):  # it has metrics.csv, too
+        print_trials(path, console)
+    elif run.has("metrics.csv"):
         print_evaluation(path, console, metrics)
-    elif file:
-        _RESULTS[file][0](path, console)
+    elif run.has("history.csv"):
+        print_evolution(path, console)
     if run.has("report.html"):
         print_line(console, f"Report: {path}/report.html")
 
 
-def print_multirun(path: Path, console: Console) -> None:
-    """Print the tables over all runs of a multirun of `evaluate`."""
-    from epuckhebb.studies.sweep import Sweep  # studies take a while to load
-
-    _print_study(Sweep, path, console)
-
-
-def _print_study(study: "type[Study]", path: Path, console: Console) -> None:
+def print_study(study: "type[Study]", path: Path, console: Console) -> None:
+    """Print the tables over all runs of a study or a multirun, and name its files."""
     run = Run(path)
-    print_tables(study.shown(run), console)
-    _print_notes_on_genome(run, console)
+    for table in study.shown(run):
+        rows = [[unmarked(cell) for cell in row] for row in table.rows]
+        print_table(console, table.title, list(map(unmarked, table.headings)), rows, text=table.text)
+    summary = run.table("summary.csv") if run.has("summary.csv") else {}
+    names = set(summary.get("genome", []))
+    if len(names) == 1 and is_bundled(name := str(names.pop())):
+        from epuckhebb.runs import showcase  # runs take a while to load, and most of what is shown has no such note
+
+        for note in sorted({showcase(load_genome(name, experiment)) for experiment in EXPERIMENTS} - {""}):
+            console.print(Text(note))
     for what, files in (("Tables", sorted(path.glob("*.csv"))), ("Figures", sorted(path.glob("figures/*.png")))):
         if files:
             print_line(console, f"{what}: {files[0].parent}/: {', '.join(file.name for file in files)}")
 
 
 def in_short(path: Path) -> str:
-    """The result of a finished run or study in a few words."""
+    """The result of a finished run or study in a few words; for each controller of an evaluation a line."""
+    run = Run(path)
     if (study := study_in(path)) is not None:
-        return study.in_short(Run(path))
-    return next(short for file, (_, short) in _RESULTS.items() if Run(path).has(file))(path)
+        return study.in_short(run)
+    if run.has("reversal.csv"):
+        shares = (f"{row['controller']} {row['rewarded_share']:.2f}" for row in run.rows("reversal.csv"))
+        return f"rewarded share: {', '.join(shares)}"
+    if run.has("history.csv"):
+        return f"best fitness {run.rows('history.csv')[-1]['best_fitness']:.3f}"
+    success = {place: means["Success"] for place, means in tables.paper_table(run.rows("metrics.csv")).items()}
+    return "\n".join(
+        f"{name} success {success.get((name, 'left'), math.nan):.2f} left "
+        f"{success.get((name, 'right'), math.nan):.2f} right"
+        for name in dict.fromkeys(name for name, _ in success)
+    )
 
 
 def study_in(path: Path) -> "type[Study] | None":
     """The class of the study of a folder; None if it is the folder of something else."""
     if not Run(path).has("sweep.json"):
         return None
-    from epuckhebb.studies.study import study_in as study_of  # studies take a while to load
+    from epuckhebb.studies import study  # studies take a while to load
 
-    return study_of(Run(path))
-
-
-def print_tables(tables: Iterable[Table], console: Console) -> None:
-    """Print tables as the terminal shows them."""
-    for table in tables:
-        rows = [[unmarked(cell) for cell in row] for row in table.rows]
-        print_table(console, table.title, list(map(unmarked, table.headings)), rows, text=table.text)
-
-
-def _print_notes_on_genome(run: Run, console: Console) -> None:
-    """Print what a reader of a table over many worlds must know of its one genome."""
-    summary = run.table("summary.csv") if run.has("summary.csv") else {}
-    names = set(summary.get("genome", []))
-    if len(names) == 1 and is_bundled(name := str(names.pop())):
-        from epuckhebb.runs import showcase  # runs take a while to load, and most of what is shown has no such note
-
-        notes = {showcase(load_genome(name, experiment)) for experiment in EXPERIMENTS} - {""}
-        for note in sorted(notes):
-            console.print(Text(note))
+    return study.study_in(Run(path))

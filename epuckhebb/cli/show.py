@@ -53,7 +53,9 @@ def _print_multirun(finished: list[Path], console: Console, *, each: bool) -> No
         _print_in_short(console, f"{path.name}  {' '.join(Run(path).provenance['overrides'])}", _in_short(path))
     folder = finished[0].parent
     if Run(folder).has("summary.csv"):
-        results.print_multirun(folder, console)
+        from epuckhebb.studies.sweep import Sweep  # studies take a while to load
+
+        results.print_study(Sweep, folder, console)
     print_line(console, f"Run folders: {folder}/{finished[0].name} to {folder}/{finished[-1].name}")
 
 
@@ -77,37 +79,35 @@ def show(what: str | None, console: Console) -> None:
         console.print(Text(f"{genome.name}, of the {experiment} experiment", style="bold"))
         print_line(console, f"SHA-256 of its genes: {genome.sha256}")
         print_champion(genome, console)
-    if not genomes:
-        path = resolve_run(what)
-        many = of_multirun(path)
-        if many:
-            _print_multirun(many, console, each=True)
-        else:
-            _print_run(path, console)
+    if genomes:
+        return
+    path = resolve_run(what)
+    if many := of_multirun(path):
+        _print_multirun(many, console, each=True)
+    else:
+        _print_run(path, console)
 
 
 def shown_as_json(what: str | None) -> dict[str, Any]:
     """What `show` prints, as JSON values."""
     if what is None:
         return {"runs": [str(path) for path in below_runs()]}
-    genomes = genomes_named(what)
-    if genomes:
-        return {
-            "genomes": [
-                {
-                    "genome": genome.name,
-                    "sha256": genome.sha256,
-                    "experiment": experiment,
-                    "layers": list(genome.network.layers),
-                    "parts": {part.name: part.size for part in genome.plan.parts},
-                    "robot": genome.robot,
-                    "optimizer": genome.optimizer,
-                    "training": genome.training,
-                    "physics": genome.physics or PYMUNK.name,
-                }
-                for genome, experiment in genomes
-            ]
+    genomes = [
+        {
+            "genome": genome.name,
+            "sha256": genome.sha256,
+            "experiment": experiment,
+            "layers": list(genome.network.layers),
+            "parts": {part.name: part.size for part in genome.plan.parts},
+            "robot": genome.robot,
+            "optimizer": genome.optimizer,
+            "training": genome.training,
+            "physics": genome.physics or PYMUNK.name,
         }
+        for genome, experiment in genomes_named(what)
+    ]
+    if genomes:
+        return {"genomes": genomes}
     path = resolve_run(what)
     many = of_multirun(path)
     return {"run": str(path), "runs": list(map(as_json, many))} if many else as_json(path)
@@ -143,26 +143,20 @@ def _print_run(path: Path, console: Console) -> None:
     results.print_results(path, console)
     if Run(path).has("champion.npz"):
         print_champion(load_genome(str(path), ""), console)
-    code, typed = run["code"], " ".join(run["overrides"])
-    command = " ".join(run["command_line"])
-    own = "as in the command" if typed and command.endswith(typed) else typed  # a job of a study has some of its own
+    code = run["code"]
     commit = f", commit {code['commit'][:10]}{' with changes' if code['dirty'] else ''}" if code["commit"] else ""
-    resumed = [
-        again["started"] + (f" after {again['generations']}" if "generations" in again else "")
-        for again in run.get("resumed", [])
-    ]
-    own_code = [pair for own in run.get("own_code", {}).values() for pair in own["sha256"].items()]
     facts = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     facts.add_column(style="bold")
     facts.add_column(overflow="fold")
     for name, value in {
-        "Command": command,
-        "Settings": f"{own or 'as by default'}; all are in {CONFIG}" if Run(path).has(CONFIG) else own,
+        "Command": " ".join(run["command_line"]),
+        "Settings": " ".join(run["overrides"]) or "as by default",
+        "All settings": CONFIG if Run(path).has(CONFIG) else "",
         "State": status["state"] + (f": {status['error']}" if status.get("error") else ""),
         "Time": f"{status['started']} – {status.get('finished', '')}" if "started" in status else "",
-        "Resumed": ", ".join(resumed),
+        "Resumed": ", ".join(again["started"] for again in run.get("resumed", [])),
         "Program": f"epuckhebb {code['version']}{commit}; packages and machine: provenance.json",
-        "Own code": ", ".join(f"{file} (SHA-256 {sha256})" for file, sha256 in own_code),
+        "Own code": ", ".join(run.get("own_code", {})),
         "Genome": f"{run['genome']} (SHA-256 {run['genome_sha256']})" if "genome" in run else "",
         "Files": ", ".join(sorted(f"{entry.name}/" if entry.is_dir() else entry.name for entry in path.iterdir())),
         "Lost": ", ".join(Run(path).lost),
@@ -203,12 +197,9 @@ def print_champion(genome: Genome, console: Console) -> None:
         "Longest away afterwards (s)": nominal.away_s,
     }.items():
         rows.append((name, *("never" if np.isnan(number) else f"{number:g}" for number in numbers.round(2))))
-    courses = []
-    for fitness in nominal.fitness:  # twelve bars from 0 to 1, and the means of the first and the last twelfth
-        parts = [part.mean() for part in np.array_split(fitness, min(12, len(fitness)))]
-        bars = "".join("▁▂▃▄▅▆▇█"[min(7, int(8 * max(0.0, part)))] for part in parts)
-        courses.append(f"{bars} {parts[0]:.2f} → {parts[-1]:.2f}")
-    rows.append((f"Least live fitness, over {nominal.fitness.shape[1]} s", *courses))
+    n = max(1, nominal.fitness.shape[1] // 12)  # the first and the last twelfth
+    ends = (f"{fitness[:n].mean():.2f} → {fitness[-n:].mean():.2f}" for fitness in nominal.fitness)
+    rows.append((f"Least live fitness, over {nominal.fitness.shape[1]} s", *ends))
     own = genome.sensors.split(", ") if genome.sensors else []
     end = genome.network.inputs - len(own)
     names = [f"Light reading {place}" for place in range(genome.lights)]

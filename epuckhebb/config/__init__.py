@@ -12,6 +12,7 @@ from epuckhebb.config.build import (
     network_for,
     with_controls,
 )
+from epuckhebb.config.changed import world_name
 from epuckhebb.config.compose import configurations, load, swept_values
 from epuckhebb.config.errors import explain
 from epuckhebb.config.overrides import (
@@ -36,7 +37,7 @@ from epuckhebb.config.plugins import (
     own_references,
     own_sources,
 )
-from epuckhebb.config.resolve import brings_physics, training_world, usual_physics, world_name
+from epuckhebb.config.resolve import brings_physics, training_world, usual_physics
 from epuckhebb.config.schema import (
     MOST_THREADS,
     SCHEMAS,

@@ -51,10 +51,8 @@ def recording(path: Path) -> Recording:
         )
     config = config_of(run, EvaluateConfig)
     if config.lifetime.record_every == 0:
-        words = [word for word in facts["overrides"] if not word.startswith("lifetime.record_every=")]
         raise ConfigError(
-            f"{path} recorded nothing to replay, because it ran with lifetime.record_every=0; run it again with "
-            f"recording on: {' '.join(['epuckhebb evaluate', *words, 'lifetime.record_every=8'])}"
+            f"{path} recorded nothing to replay (lifetime.record_every=0); run it again with lifetime.record_every=8"
         )
     metrics = run.table("metrics.csv")
     traces, weights, network = read_traces(run)

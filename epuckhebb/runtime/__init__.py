@@ -17,9 +17,7 @@ from epuckhebb.runtime.errors import (
     interrupted,
     interruptible,
     is_interruption,
-    near,
     open_folders,
-    question,
 )
 from epuckhebb.runtime.progress import Bar, be_quiet, counting, discard_output, say, say_once, saying_if_slow, track
 from epuckhebb.runtime.resources import (

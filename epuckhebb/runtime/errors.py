@@ -26,21 +26,11 @@ class JobFailedError(RuntimeError):
     """A run began and could not be finished; the message says which and why."""
 
 
-def did_you_mean(name: str, known: Iterable[str], most: int = 1) -> str:
-    """A question to put behind what is wrong; nothing if no name is near."""
-    return question(near(name, known, most))
-
-
-def question(names: Iterable[str]) -> str:
-    """A question to put behind what is wrong; nothing without names."""
-    names = ", ".join(names)
-    return f". Did you mean {names}?" if names else ""
-
-
-def near(name: str, known: Iterable[str], most: int = 3) -> list[str]:
-    """The names that are like one that is not known, the likest first, whether they have capitals or not."""
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """A question to put behind a message about an unknown name; nothing if no known name is like it."""
     as_written = {one.lower(): one for one in known}
-    return [as_written[one] for one in difflib.get_close_matches(name.lower(), as_written, n=most)]
+    near = difflib.get_close_matches(name.lower(), as_written, n=1)
+    return f". Did you mean {as_written[near[0]]}?" if near else ""
 
 
 @contextmanager
@@ -56,15 +46,7 @@ def interruptible() -> Iterator[None]:
         yield
         return
 
-    def leave() -> None:
-        try:
-            left_behind = [close() for close in list(open_folders)]
-            sys.stderr.write(f"\nError: {interrupted(next(filter(None, left_behind), ''))}\n")
-            sys.stderr.flush()
-        finally:
-            os._exit(INTERRUPTED)
-
-    timer = threading.Timer(_PATIENCE_S, leave)
+    timer = threading.Timer(_PATIENCE_S, _leave)
     timer.daemon = True
 
     def stop(number: int, frame: FrameType | None) -> None:
@@ -94,14 +76,18 @@ def is_interruption(error: BaseException) -> bool:
 
 def end_on_signals() -> None:
     """End the program at once when a signal asks for it, as long as nothing has begun and after all has ended."""
-
-    def leave(*_: object) -> None:
-        sys.stderr.write(f"\nError: {interrupted('')}\n")
-        sys.stderr.flush()
-        os._exit(INTERRUPTED)
-
     for number in _asking():
-        signal.signal(number, leave)
+        signal.signal(number, _leave)
+
+
+def _leave(*_: object) -> None:
+    """Close the folders that are open, and end the process at once."""
+    try:
+        left_behind = [close() for close in list(open_folders)]
+        sys.stderr.write(f"\nError: {interrupted(next(filter(None, left_behind), ''))}\n")
+        sys.stderr.flush()
+    finally:
+        os._exit(INTERRUPTED)
 
 
 def _asking() -> list[int]:

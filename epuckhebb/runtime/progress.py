@@ -49,11 +49,6 @@ def discard_output(stream: IO[str]) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
-def _is_watched() -> bool:
-    """Whether standard error is a terminal or a notebook, where a bar can move."""
-    return sys.stderr.isatty() or "ipykernel" in sys.modules
-
-
 def say_once(note: str) -> None:
     """Print a note once for all jobs of this process."""
     if note not in _said and not is_quiet():
@@ -82,7 +77,8 @@ class Bar:
     def __init__(self, what: str, total: int, *, quiet: bool = False, each: bool = True) -> None:
         from tqdm import tqdm
 
-        quiet, shown = quiet or is_quiet(), _is_watched()
+        quiet = quiet or is_quiet()
+        shown = sys.stderr.isatty() or "ipykernel" in sys.modules  # in a terminal or a notebook, where a bar can move
         self.bar = tqdm(desc=what, total=total, bar_format=_LOOK, file=sys.stderr, disable=quiet or not shown)
         self._is_plain = not (shown or quiet)
         self._what, self._total, self._each, self._line = what, total, each, time.monotonic()
