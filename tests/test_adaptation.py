@@ -267,11 +267,6 @@ def test_a_champion_that_never_arrives_is_never_late():
         ({"motor_noise": 1.0}, "adaptation.motor_noise"),
         ({"threshold": 1.0}, "adaptation.threshold"),
         ({"exploration": Exploration.wall_following}, "adaptation.exploration"),
-        (
-            {"change_signal": "late", "exploration": Exploration.wall_following, "motor_noise": 1.0},
-            "adaptation.exploration=both",
-        ),
-        ({"change_signal": "late", "exploration": Exploration.both}, "adaptation.motor_noise"),
     ],
 )
 def test_invalid_settings_are_refused(settings, message):

@@ -73,16 +73,11 @@ def other(**values):
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"walls": {}}, r"maze\.walls .* must hold one"),
         ({"walls": {"thin": Box(0, 0, 0.1, 0.0)}}, r"maze\.walls\.thin, its sizes, must"),
-        ({"obstacles": {"stem_left": Box(0, 0, 0.1, 0.1)}}, r"different names, both have stem_left"),
         ({"obstacle_counts": (0, 5)}, r"maze\.obstacle_counts must .* got \(0, 5\)"),
-        ({"goals": {"left": Place(0, 0)}}, r"maze\.goals must have one for each of left, right, got \['left'\]"),
         ({"goals": {"left": Place(0, 0), "right": Place(0.6, 0)}}, r"maze\.goals\.right must lie in"),
-        ({"arms": {"left": Region()}}, r"maze\.arms must have"),
         ({"arms": {"left": Region(), "right": Region(left=1, right=0)}}, r"maze\.arms\.right must have left below"),
         ({"start": Pose(0, -0.7, 0)}, r"maze\.start must lie in"),
-        ({"start": Pose(0, 0, math.inf)}, r"maze\.start\.heading"),
         ({"arena_m": 11.0}, r"maze\.arena_m must lie in"),
         ({"goal_radius_m": 0.0}, r"maze\.goal_radius_m must"),
         ({"niches": (Niche("z", (0, 1), (0, 1), (0, 1), (0, 1)),)}, r"maze\.niches\[0\] must run along x or y"),

@@ -30,11 +30,10 @@ NEVER = 1e9  # a threshold that no signal reaches
 
 
 class Exploration(Enum):
-    """What a robot does while the gate is open, beside learning: motor noise, wall-following, or both."""
+    """How a robot drives while the gate is open, beside learning: by its network, or along walls."""
 
     motor_noise = "motor_noise"
     wall_following = "wall_following"
-    both = "both"
 
 
 @dataclass(kw_only=True)
@@ -46,7 +45,7 @@ class Adaptation(NoAdaptation):
     the slope for each unit of the signal above it; inf: at once. active_s, rest_s: while the signal lasts, the gate
     is open and closed in turn for these times [s]; active_s = 0: no rests. start_by_s: the gate also opens at this
     time [s], if the robot has never been at its goal. exploration: what the robot does while the gate is open.
-    motor_noise: standard deviation of noise on both wheels' outputs. plastic_when: when plasticity acts; `late`:
+    motor_noise: standard deviation of noise on both wheels' outputs then. plastic_when: when plasticity acts; `late`:
     while the gate is open, and the weights are reset when it closes. stay: what keeps the robot at the goal;
     `learn`: plasticity, which then keeps what it learns there. homeostasis: whether the weights from the light
     sensors are scaled until the light looks as in the training world.
@@ -76,16 +75,6 @@ class Adaptation(NoAdaptation):
         if self.rest_s > 0 and self.active_s == 0:
             raise ValueError(
                 f"adaptation.rest_s = {self.rest_s:g} needs adaptation.active_s above 0: rests follow active times"
-            )
-        if self.exploration is Exploration.wall_following and self.motor_noise > 0:
-            raise ValueError(
-                f"adaptation.motor_noise = {self.motor_noise:g} does nothing with exploration=wall_following: give "
-                "adaptation.exploration=both, or motor_noise=0"
-            )
-        if self.exploration is Exploration.both and self.motor_noise == 0:
-            raise ValueError(
-                "adaptation.exploration=both needs adaptation.motor_noise above 0, the motor noise while the robot "
-                "follows a wall"
             )
         if self.stay is Stay.learn and self.plastic_when is not PlasticWhen.goal_signal:
             raise ValueError(

@@ -93,9 +93,7 @@ def library() -> Any:
     else:
         raise ValueError(f"{wanted}; it is not installed")
     for name, (result, *arguments) in _FUNCTIONS.items():
-        function = getattr(found, name, None)
-        if function is None:
-            raise ValueError(f"{wanted}; the one installed is another version, without {name}")
+        function = getattr(found, name)
         function.restype, function.argtypes = result, arguments
     if not found.dCheckConfiguration(_PRECISION):
         raise ValueError(f"{wanted}; the one installed has single precision")
@@ -105,12 +103,6 @@ def library() -> Any:
         address = ctypes.cast(getattr(found, name), ctypes.c_void_p).value
         llvmlite.binding.add_symbol(name, address)
     return found
-
-
-def own_threading() -> tuple[int, int]:
-    """What lets several threads each step a world of their own: functions, and what they work on."""
-    made = library().dThreadingAllocateSelfThreadedImplementation()
-    return library().dThreadingImplementationGetFunctions(made), made
 
 
 def rotation(x: float, y: float, z: float, angle: float) -> Floats:

@@ -67,7 +67,7 @@ class Physics(OwnClass, ABC):
 
     def put_rays(self, robot: Robot) -> Callable[..., None]:  # noqa: ARG002  # others need it
         """The function `put(space, x, y, cos, sin, places, rays)` that fills the rays of a robot's sensors."""
-        return _in_plane
+        return put_rays
 
     def kernels(self, group: SensorGroup, first: int, radius_m: float) -> Kernels:
         """The functions of a group of sensors, see `SensorGroup.kernels`."""
@@ -82,19 +82,6 @@ class Physics(OwnClass, ABC):
 
     def check_library(self) -> None:  # that of pymunk comes with the program
         """Check that what this physics runs on is installed; else a ValueError."""
-
-
-@compiled
-def _in_plane(
-    space: Handles,  # noqa: ARG001  # others need it
-    x: float,
-    y: float,
-    cos: float,
-    sin: float,
-    places: Floats,
-    rays: Floats,
-) -> None:
-    put_rays(x, y, cos, sin, places, rays)
 
 
 @compiled

@@ -14,7 +14,7 @@ from epuckhebb.tmaze.faults import LONGEST_DELAY
 from epuckhebb.tmaze.goal_signal import GoalSignal
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.light import Lamp
-from epuckhebb.tmaze.maze import SIDES, T_MAZE, Box, Maze, Place, Pose, Side, boxes, edges
+from epuckhebb.tmaze.maze import T_MAZE, Box, Maze, Place, Pose, Side, boxes, edges
 from epuckhebb.tmaze.own_fitness import PAPER_FITNESS, Fitness
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.physics_engine import Physics
@@ -112,8 +112,6 @@ class Scenario:
                 f"scenario.dead_sensors must be a list of whole numbers, 0 to {last} for robot {self.robot.name}, each "
                 f"once, for example [0] or [], got {dead}"
             )
-        if self.goals is not None and set(self.goals) != set(SIDES):
-            raise ValueError(f"scenario.goals must have {' and '.join(SIDES)}, got {sorted(self.goals)}")
         for side, place in self.goals_now.items():
             check_value(f"scenario.goals.{side}", place, Range(-self.maze.arena_m, self.maze.arena_m))
         self.task.check_lamp(self.lamp.intensity)

@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -150,9 +150,6 @@ class RimSensors(SensorGroup):
     def __post_init__(self) -> None:
         if not self.places:
             raise ValueError(f"robot.{self.name}_places must hold one sensor or more")
-        for number, place in enumerate(self.places):
-            if not all(map(math.isfinite, place)):
-                raise ValueError(f"robot.{self.name}_places[{number}] must be three finite numbers, got {list(place)}")
 
     @property
     def count(self) -> int:
@@ -212,8 +209,6 @@ class DistanceSensors(RimSensors):
             raise ValueError(
                 f"robot.distance_curve must be two or more rows of growing distance, the first at 0, got {distances}"
             )
-        if not all(math.isfinite(number) and number >= 0 for point in self.curve for number in point):
-            raise ValueError("robot.distance_curve must hold finite numbers, 0 or more")
         ends = distances[-1] / min(1.0, self.stretch)  # [m], where nothing is sensed any more
         check_value("robot.reach_m", self.reach_m, Range(0, ends, above=True))
 
@@ -258,8 +253,8 @@ class DistanceSensors(RimSensors):
 
 
 @compiled
-def put_rays(x: float, y: float, cos: float, sin: float, places: Floats, rays: Floats) -> None:
-    """Put sensors into the maze. places: (4, n) x, y, look x, look y in the robot's frame.
+def put_rays(_space: Any, x: float, y: float, cos: float, sin: float, places: Floats, rays: Floats) -> None:
+    """Put sensors into the plane. places: (4, n) x, y, look x, look y in the robot's frame.
 
     Fills `rays` (6, n): x, y [m], the unit vector each looks along, and 1 / its x and 1 / its y.
     """

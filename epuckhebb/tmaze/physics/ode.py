@@ -27,7 +27,6 @@ from epuckhebb.tmaze.libode import (
     copy_rotation,
     create_contact,
     empty_group,
-    own_threading,
     rotation,
     rows_of,
     set_hinge,
@@ -83,8 +82,10 @@ class _Body:
 
     def __init__(self, physics: "Ode", robot: Robot, solid: Solid, pose: Pose) -> None:
         ode = libode.library()
-        self.world, self.group, threading = ode.dWorldCreate(), ode.dJointGroupCreate(0), own_threading()
-        ode.dWorldSetStepThreadingImplementation(self.world, *threading)
+        self.world, self.group = ode.dWorldCreate(), ode.dJointGroupCreate(0)
+        threading = ode.dThreadingAllocateSelfThreadedImplementation()  # several threads each step a world of their own
+        functions = ode.dThreadingImplementationGetFunctions(threading)
+        ode.dWorldSetStepThreadingImplementation(self.world, functions, threading)
         ode.dWorldSetGravity(self.world, 0.0, 0.0, -physics.gravity_m_s2)
         ode.dWorldSetERP(self.world, physics.erp)
         ode.dWorldSetCFM(self.world, physics.joint_cfm)
@@ -126,7 +127,7 @@ class _Body:
         self.parts = np.array([(tyres[0], wheels[0]), (hull, self.hull), (box, self.hull), (tyres[1], wheels[1])])
         self.state, self.turned, self.place = np.zeros(6), rows, np.zeros(4)
         self.state[:3] = pose
-        weakref.finalize(self, _destroy, ode, self.world, self.group, threading[1], [hull, box, *tyres])
+        weakref.finalize(self, _destroy, ode, self.world, self.group, threading, [hull, box, *tyres])
 
 
 def _destroy(ode: Any, world: int, group: int, threading: int, shapes: list[int]) -> None:
