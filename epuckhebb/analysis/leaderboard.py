@@ -201,8 +201,8 @@ def readable(own: pd.DataFrame, worlds: pd.DataFrame, costs: pd.DataFrame | None
         cells += [f"**{rescue.share(row.success, row.success_low, row.success_high)}**"]
         cells += [f"{share:.2f}" for share in shares.loc[str(row.method)]]
         cells += [rescue.share(row.retention, row.retention_low, row.retention_high), f"{row.best:.2f}"]
-        cells += [control if row.matched_control else "–", _or_dash(row.success_off)]
-        cells += [_or_dash(row.success_inverted)] if learning else []
+        cells += [control if row.matched_control else "–", rescue.share(row.success_off)]
+        cells += [rescue.share(row.success_inverted)] if learning else []
         cells += [f"{row.evolved_parameters}", f"{row.robot_steps / 1e6:.1f}"]
         if costs is not None:
             cost = _of(costs, experiment, str(row.method)).iloc[0]
@@ -213,10 +213,6 @@ def readable(own: pd.DataFrame, worlds: pd.DataFrame, costs: pd.DataFrame | None
     if not learning:
         headings.insert(2, "knowledge")
     return Table(headings, rows, f"{title(experiment)} (95 % interval)", text=2)
-
-
-def _or_dash(share: float) -> str:
-    return "–" if np.isnan(share) else f"{share:.2f}"
 
 
 def markdown(

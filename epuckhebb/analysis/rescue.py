@@ -13,7 +13,6 @@ if TYPE_CHECKING:
 
 FIGURE = "rescue_and_harm.png"
 RESCUED, HARMED = "rescued, of the trials that the change broke", "harmed, of those still intact"
-IN_TRAINING = "harmed in the training world"
 SOLVES = {"any": "one side or both", "both": "both sides"}  # the values of `solves` in `findings.retention`
 COUNTED = (
     "Only trials that the GA solves in the training world count. A changed world *breaks* some of them; plasticity "
@@ -72,26 +71,22 @@ def markdown(
 
 def over_all_table(own: "pd.DataFrame") -> Table:
     """A row for each plasticity; own: the rows of an experiment in `findings.rescue_over_all`."""
-    rows = [[plain(label(row.controller, row.N)), *counts(row), in_training(row)] for row in own.itertuples()]
+    rows = [
+        [plain(label(row.controller, row.N)), *counts(row), f"{row.training_harmed} of {row.training_solved}"]
+        for row in own.itertuples()
+    ]
     title = f"The {own.experiment.iloc[0]} experiment (95 % interval over champions)"
-    return Table(["plasticity", RESCUED, HARMED, IN_TRAINING], rows, title)
+    return Table(["plasticity", RESCUED, HARMED, "harmed in the training world"], rows, title)
 
 
 def counts(row: Any) -> list[str]:
     """The cells below `RESCUED` and `HARMED`; row: of `findings.rescue_over_all` or `rescue_and_harm`."""
-    return [count(row, "rescued", "broken"), count(row, "harmed", "intact")]
-
-
-def count(row: Any, part: str, whole: str) -> str:
-    """How many of how many, and the share with its interval."""
-    text = f"{getattr(row, part)} of {getattr(row, whole)}"
-    figures = (getattr(row, f"{part}_{name}") for name in ("share", "low", "high"))
-    return f"{text}: {share(*figures)}" if getattr(row, whole) else text
-
-
-def in_training(row: Any) -> str:
-    """The cell below `IN_TRAINING`."""
-    return f"{row.training_harmed} of {row.training_solved}"
+    cells = []
+    for part, whole in (("rescued", "broken"), ("harmed", "intact")):
+        text = f"{getattr(row, part)} of {getattr(row, whole)}"
+        figures = (getattr(row, f"{part}_{name}") for name in ("share", "low", "high"))
+        cells.append(f"{text}: {share(*figures)}" if getattr(row, whole) else text)
+    return cells
 
 
 def difference(row: Any) -> str:
@@ -99,7 +94,7 @@ def difference(row: Any) -> str:
     return f"{row.difference:+.2f} [{row.difference_low:+.2f}, {row.difference_high:+.2f}]"
 
 
-def share(value: float, low: float, high: float) -> str:
+def share(value: float, low: float = np.nan, high: float = np.nan) -> str:
     """A share and its interval, if they are known."""
     if np.isnan(value):
         return "–"

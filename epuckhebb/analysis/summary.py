@@ -11,7 +11,7 @@ from typing import Any
 import pandas as pd
 
 from epuckhebb.analysis import findings, rescue
-from epuckhebb.analysis.evaluate import COLUMNS, MEANS
+from epuckhebb.analysis.evaluate import MEANS
 from epuckhebb.analysis.lifetimes import is_of_plasticity
 from epuckhebb.analysis.statistics import bootstrap_mean, wilson
 from epuckhebb.analysis.tables import Table, code, plain
@@ -59,7 +59,7 @@ def over_champions(rows: pd.DataFrame, settings: list[str]) -> pd.DataFrame:
 
 
 def _numeric(rows: pd.DataFrame) -> pd.DataFrame:
-    return rows.assign(**{name: pd.to_numeric(rows[name]) for name in ("N", *_BOUNDS) if name in rows})
+    return rows.assign(**{name: pd.to_numeric(rows[name]) for name in ("N", *_BOUNDS, *MEANS) if name in rows})
 
 
 def _rewarded(rows: pd.DataFrame) -> list[str]:
@@ -124,9 +124,13 @@ def rescue_and_harm(rows: pd.DataFrame) -> tuple[dict[str, pd.DataFrame], str] |
 
     None unless each of several champions ran once in its training world and in changed worlds.
     """
-    if not _can_rescue(rows):
+    plastic = rows.controller != GA
+    if not has_champions(rows) or not plastic.any() or _rewarded(rows) or rows.duplicated(_TRIAL).any():
         return None
-    lifetimes = rows[list(COLUMNS)].apply(_numbers)
+    visited = rows.groupby(["experiment", "genome"]).scenario.agg(set)
+    if not all(TRAINED[experiment] in worlds and len(worlds) > 1 for (experiment, _), worlds in visited.items()):
+        return None
+    lifetimes = _numeric(rows)
     each = findings.trials(lifetimes)
     over_all, by_scenario = findings.rescue_over_all(each), findings.rescue_and_harm(each)
     retention = findings.retention(each)
@@ -136,22 +140,6 @@ def rescue_and_harm(rows: pd.DataFrame) -> tuple[dict[str, pd.DataFrame], str] |
     found = {"rescue_over_all": over_all, "rescue_and_harm": by_scenario, "retention": retention}
     found["rescue_by_champion"] = findings.rescue_by_champion(each)
     return found, page
-
-
-def _can_rescue(rows: pd.DataFrame) -> bool:
-    """Whether several champions with plasticity ran once in their training world and in others, for one goal."""
-    if not has_champions(rows) or not (rows.controller != GA).any() or _rewarded(rows) or rows.duplicated(_TRIAL).any():
-        return False
-    visited = rows.groupby(["experiment", "genome"]).scenario.agg(set)
-    return all(TRAINED[experiment] in worlds and len(worlds) > 1 for (experiment, _), worlds in visited.items())
-
-
-def _numbers(column: pd.Series) -> pd.Series:
-    """The column as numbers, if it holds numbers."""
-    try:
-        return pd.to_numeric(column)
-    except ValueError:
-        return column
 
 
 def readable(tables: Mapping[str, pd.DataFrame]) -> list[Table]:

@@ -26,7 +26,7 @@ from epuckhebb.config import (
     own_files,
 )
 from epuckhebb.runs import compile_for, evolve_into, hydra, new_evolution, prepare_evaluation, prepare_evolution
-from epuckhebb.runtime import ConfigError, JobFailedError, data_folder
+from epuckhebb.runtime import ConfigError, JobFailedError
 from epuckhebb.store import OwnFile, RunFolder, as_json, digest, write_atomic
 from epuckhebb.studies.jobs import Job
 from epuckhebb.studies.study import Study, job_name
@@ -106,11 +106,6 @@ def in_training_world(world: str, task: tuple[str, ...] = (), config_dir: str | 
 def evaluation_in(world: str, *words: str) -> list[str]:
     """The settings of an evaluation that records nothing."""
     return [f"scenario={world}", "lifetime.record_every=0", *words]
-
-
-def search_folders(config_dir: str | None) -> list[Path]:
-    """The folders in which choices of groups are looked for: the user's first, then `conf/`."""
-    return [*([Path(config_dir)] if config_dir else []), data_folder("conf")]
 
 
 @functools.cache

@@ -15,13 +15,9 @@ from epuckhebb.tmaze.physics.pymunk import Pymunk
 _APART = ("seed", "repeats", "threads")  # keys that are checked by themselves
 
 
-def settings(config: Plain) -> Plain:
-    """A configuration without the keys on which no result depends."""
-    return _without(config, NO_EFFECT)
-
-
-def _without(config: Plain, keys: Sequence[str]) -> Plain:
-    return {key: value for key, value in config.items() if key not in keys}
+def settings(config: Plain, without: Sequence[str] = NO_EFFECT) -> Plain:
+    """A configuration without these keys, or without those on which no result depends."""
+    return {key: value for key, value in config.items() if key not in without}
 
 
 class Identities:
@@ -54,7 +50,7 @@ class Identities:
 
         load: a quicker way to the checked configuration, if there is one.
         """
-        shared = digest(_without(config, (*_APART, "genome")))
+        shared = digest(settings(config, (*_APART, "genome")))
         if shared not in self._shared:
             self._shared[shared] = load() if load else from_values(config, EvaluateConfig, "a job")
         return shared

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from epuckhebb.config import SWEEP_DIR, Checked, Plain, dump, quoted, value_of
+from epuckhebb.config import Checked, Plain, dump, quoted
 from epuckhebb.runs import hydra
 from epuckhebb.runtime import ConfigError, JobFailedError, counting
 from epuckhebb.store import SCHEMA, UNFINISHED, OwnFile, Run, RunFolder, as_json, set_aside, write_atomic
@@ -108,18 +108,6 @@ def split(command: str, arguments: Sequence[str]) -> tuple[list[str], list[str]]
                 f"{argument}: `{command}` lists its jobs itself, and another sweeper has no use there; leave it out"
             )
     return [argument for argument in arguments if argument not in hydras], hydras
-
-
-def folder_and_launcher(hydras: Sequence[str], default: Path, jobs: int) -> tuple[Path, list[str]]:
-    """The folder of a study, the default unless Hydra's arguments name another, and those for the launcher.
-
-    jobs: how many there are. One takes all cores in this process, unless a launcher is named; more run beside another.
-    """
-    named = [value_of(argument) for argument in hydras if argument.startswith(SWEEP_DIR)]
-    launcher = [argument for argument in hydras if not argument.startswith(SWEEP_DIR)]
-    if not any(argument.startswith("hydra/launcher=") for argument in launcher):
-        launcher.insert(0, f"hydra/launcher={'joblib' if jobs > 1 else 'basic'}")
-    return Path(named[-1]) if named else default, launcher
 
 
 def launch(

@@ -27,7 +27,7 @@ from epuckhebb.controller.ranges import check as check_ranges
 from epuckhebb.controller.ranges import within
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Run, fingerprint
-from epuckhebb.studies.champions import COST, ChampionStudy, search_folders, worlds_digest
+from epuckhebb.studies.champions import COST, ChampionStudy, worlds_digest
 from epuckhebb.studies.jobs import Job, split
 from epuckhebb.studies.leaderboard_jobs import REVERSAL, Entry, Planner, sweep_of, tests_of
 from epuckhebb.studies.methods import ALL, REVERSAL_TASK, Method, methods_named
@@ -88,12 +88,12 @@ class Leaderboard(ChampionStudy):
     @functools.cached_property
     def entries(self) -> list[Entry]:
         """The methods in each experiment, with their jobs, each composed and checked."""
-        folders, worlds_of = search_folders(self.config_dir), self.worlds
-        methods = methods_named(self.methods, folders)
+        worlds_of = self.worlds
+        methods = methods_named(self.methods, self.config_dir)
         entries: list[Entry] = []
         for one, worlds in worlds_of.items():
             planner = Planner(self, one, worlds)
-            here = in_reversal(methods, folders) if one == REVERSAL else methods
+            here = in_reversal(methods, self.config_dir) if one == REVERSAL else methods
             entries += [planner.entry(method) for method in here]
         return entries
 
@@ -229,21 +229,19 @@ def plan(experiment: str, arguments: list[str], *, quick: bool = False, config_d
 
 def _as_list(argument: str) -> str:
     """`methods=a,b` as Hydra writes a list."""
-    if argument.lstrip("+~").startswith("method="):
-        raise ConfigError(f"{argument}: a leaderboard has many methods; give methods={argument.partition('=')[2]}")
     if not argument.startswith(_METHODS) or argument.startswith(f"{_METHODS}["):
         return argument
     names = argument.removeprefix(_METHODS).split(",")
     return f"{_METHODS}[{','.join(quoted(name) for name in names if name)}]"
 
 
-def in_reversal(methods: Sequence[Method], folders: Sequence[Path]) -> list[Method]:
+def in_reversal(methods: Sequence[Method], config_dir: str | None = None) -> list[Method]:
     """These methods in reversal learning: their rules, evolved by the GA in its one world.
 
     Methods that differ in training or optimizer alone are one here. All without plasticity are the GA. Methods with an
     adaptation are left out.
     """
-    (plain,) = methods_named([_PLAIN], folders)
+    (plain,) = methods_named([_PLAIN], config_dir)
     found = [replace(plain, evolve={**REVERSAL_TASK, **_REVERSAL_GA})]
     for method in methods:
         if not method.is_rule_alone:

@@ -62,12 +62,12 @@ class Method:
 _KEYS = [key.name for key in fields(Method) if key.name not in ("name", "description")]
 
 
-def methods_named(names: Sequence[str], folders: Sequence[Path]) -> list[Method]:
+def methods_named(names: Sequence[str], config_dir: str | None = None) -> list[Method]:
     """The methods of these names, each after the one that it is compared with.
 
-    names: of methods, `FILE.py:NAME` for a rule, or `all`. folders: with `method/`, first found first taken.
+    names: of methods, `FILE.py:NAME` for a rule, or `all`. config_dir: the user's folder, with methods in `method/`.
     """
-    files = {file.stem: file for folder in reversed(folders) for file in (folder / "method").glob("*.yaml")}
+    files = {file.stem: file for file in Path(config_dir, "method").glob("*.yaml")} if config_dir else {}
     table = {name: conf.files("method")[0] for name in conf.rows("method")}
     known = dict(sorted({**table, **files}.items()))
     chosen: dict[str, Method] = {}

@@ -13,6 +13,7 @@ import yaml
 
 from epuckhebb.analysis.tables import Table, pictures
 from epuckhebb.config import (
+    SWEEP_DIR,
     Checked,
     Plain,
     class_named,
@@ -22,6 +23,7 @@ from epuckhebb.config import (
     own_references,
     settings,
     typed_as,
+    value_of,
     values_of,
 )
 from epuckhebb.runtime import ConfigError, JobFailedError, path_of, say
@@ -31,7 +33,6 @@ from epuckhebb.studies.jobs import (
     Job,
     Outcome,
     do_job,
-    folder_and_launcher,
     launch,
     open_study,
     split,
@@ -201,7 +202,11 @@ def prepare(study: Study, of_hydra: Sequence[str], arguments: list[str]) -> Plan
     """List the jobs of a study; nothing is written. of_hydra: overrides of Hydra's own. arguments: as of `Planned`."""
     stages = study.stages()
     jobs = [job for _, of_stage in stages for job in of_stage]
-    folder, launcher = folder_and_launcher(of_hydra, study.folder(jobs), len(jobs))
+    folders = [value_of(argument) for argument in of_hydra if argument.startswith(SWEEP_DIR)]
+    launcher = [argument for argument in of_hydra if not argument.startswith(SWEEP_DIR)]
+    if not any(argument.startswith("hydra/launcher=") for argument in launcher):  # one job alone takes all cores
+        launcher.insert(0, f"hydra/launcher={'joblib' if len(jobs) > 1 else 'basic'}")
+    folder = Path(folders[-1]) if folders else study.folder(jobs)
     return Planned(study=study, stages=stages, folder=folder, launcher=launcher, arguments=arguments)
 
 
