@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 from cases import call, done
 
-from epuckhebb.store import disk
+from epuckhebb.store import lock
 
 TINY = ["ga.population=6", "ga.elites=2", "ga.loops=1", "lifetime.duration_s=3", "scenario.paper_duration_s=10"]
 TINY += ["threads=1", "-q"]
@@ -120,9 +120,9 @@ def test_what_cannot_be_resumed(three):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no such locks")
 def test_a_run_at_work_is_left_alone(three):
-    held = disk.lock(three)
+    held = lock.lock(three)
     result = call("evolve", f"resume={three}", "ga.generations=4")
-    disk.release(held)
+    lock.release(held)
     assert result.exit_code == 2
     assert "another process is working on" in result.stderr
     assert len(pd.read_csv(three / "history.csv")) == 3

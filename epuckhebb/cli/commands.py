@@ -252,7 +252,7 @@ def keys(
     group: Annotated[
         str | None,
         typer.Argument(
-            metavar="GROUP", help="A group, a command or a key.  [all]", autocompletion=completion.complete_group
+            metavar="GROUP", help="A group or a command.  [all commands]", autocompletion=completion.complete_group
         ),
     ] = None,
 ) -> None:

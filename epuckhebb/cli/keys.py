@@ -1,6 +1,5 @@
 """`epuckhebb keys`: every key and its default, as the commented files of `conf/` have them."""
 
-import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -19,20 +18,15 @@ def known() -> dict[str, list[Path]]:
 
 
 def keys_text(name: str | None) -> str:
-    """The files of a command or a group, or the lines of a key in them; without a name, those of the commands."""
+    """The files of a command or a group, which say what each key is; without a name, those of the commands."""
     files = known()
     if name is None:
         groups = ", ".join(group for group in files if group not in COMMANDS)
         return "\n".join([*_texts([files[command][0] for command in COMMANDS]), f"# epuckhebb keys GROUP: {groups}"])
-    if name in files:
-        return "\n".join(_texts(files[name]))
-    group, _, key = name.rpartition(".")
-    line = re.compile(rf"^ *{re.escape(key)}: .*(?:\n +#.*)*", re.MULTILINE)
-    places = files.get(group.partition(".")[0], []) if group else [conf.command_file(command) for command in COMMANDS]
-    lines = [found for file in places for found in line.findall(file.read_text(encoding="utf-8"))]
-    if not lines:
-        raise ConfigError(f"keys {name}: the group must be one of {', '.join(files)}{did_you_mean(name, files)}")
-    return "\n".join(dict.fromkeys(map(str.strip, lines)))
+    group = name.partition(".")[0]
+    if group not in files:
+        raise ConfigError(f"keys {name}: the group must be one of {', '.join(files)}{did_you_mean(group, files)}")
+    return "\n".join(_texts(files[group]))
 
 
 def _texts(files: list[Path]) -> Iterator[str]:

@@ -34,6 +34,7 @@ from epuckhebb.controller.compiling.sources import own_code
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import name_of
 from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, evolved_sizes
+from epuckhebb.controller.wiring import Wiring
 from epuckhebb.runs import hydra
 from epuckhebb.runs.notes import notes_of
 from epuckhebb.runtime import ConfigError, JobFailedError, data_folder, say, saying_if_slow
@@ -43,15 +44,12 @@ from epuckhebb.tmaze.goal_signal import GoalSignal
 from epuckhebb.tmaze.individual import GA_ALONE, Controller
 from epuckhebb.tmaze.own_sensor import reading_names
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
-from epuckhebb.tmaze.robot import EPUCK, Robot
+from epuckhebb.tmaze.robot import EPUCK
 from epuckhebb.tmaze.scenario import TRAINED, Scenario
 from epuckhebb.tmaze.session import LostRobotError
 from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
 
 Report = Callable[[Path, Rows], object]
-
-
-_measured: dict[tuple[object, ...], Nominal] = {}  # in this process: many jobs of a sweep need the same
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,10 +99,7 @@ class PreparedEvaluation:
         )
         world = training_world(config, genome.physics)
         check_library(world)
-        key = (gain, genome.sha256, genome.network, repr(world))
-        if key not in _measured:
-            _measured[key] = measure_nominal(genome.network_genes, world, gain, threads, genome.network)
-        nominal = _measured[key]
+        nominal = measure_nominal(genome.network_genes, world, gain, threads, genome.network)
         if any(one.needs_arrival for one in adaptations) and np.isnan(nominal.time_to_goal_s).all():
             raise ConfigError(
                 f"adaptation.change_signal=late needs a time to the goal to remember, and genome={genome.name} reached "
@@ -142,26 +137,36 @@ class PreparedEvaluation:
         return {name: digest([repr(values), own_code(values)]) for name, values in depends.items()}
 
 
+def check_genome(genome: Genome, world: Scenario, shape: tuple[int, ...] | Wiring | None) -> None:
+    """Refuse a champion of another task, wiring or robot, or of a robot with other sensors of the user's own."""
+    task, robot, sensors = world.task, world.robot, reading_names(world.robot.sensors)
+    if genome.network.rewarded != task.gives_reward:
+        has = "has no input for the reward of" if task.gives_reward else "has an input for a reward, unlike"
+        raise ConfigError(
+            f"genome={genome.name} is for a network of layers {genome.network}, which {has} task={task.name}; "
+            f"give task={genome.task or ONE_TRIAL.name}, or a champion that was evolved with task={task.name}"
+        )
+    check_wiring(genome.wiring, shape, genome.name)
+    if genome.optimizer and genome.sensors != sensors:
+        raise ConfigError(
+            f"genome={genome.name} is for a robot whose own sensors are {genome.sensors or 'none'}; those of robot "
+            f"{robot.name} are {sensors or 'none'}. Give robot.sensors=[...] as in training, or another champion"
+        )
+    if genome.robot != robot.name or genome.network.inputs != world.inputs:
+        raise ConfigError(
+            f"genome={genome.name} is for robot {genome.robot} and a network of layers {genome.network}; robot "
+            f"{robot.name} has {robot.inputs} readings. Give robot={genome.robot}, or a champion evolved for "
+            f"{robot.name}"
+        )
+
+
 def prepare_evaluation(config: EvaluateConfig, genome: Genome | None = None) -> PreparedEvaluation:
     """Check that a genome, the one that the settings name unless given, fits robot, task, network and rules."""
     check_library(config.world)
     if genome is None:
         genome = load_genome(config.genome, config.world.experiment, config.shape)
     named = f"genome={genome.name}"
-    world, robot = config.world, config.world.robot
-    if genome.network.rewarded != world.task.gives_reward:
-        has = "has no input for the reward of" if world.task.gives_reward else "has an input for a reward, unlike"
-        raise ConfigError(
-            f"{named} is for a network of layers {genome.network}, which {has} task={world.task.name}; "
-            f"give task={genome.task or ONE_TRIAL.name}, or a champion that was evolved with task={world.task.name}"
-        )
-    check_wiring(genome.wiring, config.shape, genome.name)
-    check_sensors(genome, robot)
-    if genome.robot != robot.name or genome.network.inputs != world.inputs:
-        raise ConfigError(
-            f"{named} is for robot {genome.robot} and a network of layers {genome.network}; robot {robot.name} has "
-            f"{robot.inputs} readings. Give robot={genome.robot}, or a champion evolved for {robot.name}"
-        )
+    check_genome(genome, config.world, config.shape)
     sizes = {part.name: part.size for part in genome.plan.parts}
     initial_weights = InitialWeights.evolved if genome.weights.any() else InitialWeights.random
     for controller in config.controllers:
@@ -230,16 +235,6 @@ def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:
         return words
     own = {f"network.{key}": value for key, value in json.loads(settings).items() if f"network.{key}" not in keys}
     return [*words, f"network.wiring={wiring}", *typed_as(own)]
-
-
-def check_sensors(genome: Genome, robot: Robot) -> None:
-    """Refuse a champion whose robot had other sensors of the user's own."""
-    sensors = reading_names(robot.sensors)
-    if genome.optimizer and genome.sensors != sensors:
-        raise ConfigError(
-            f"genome={genome.name} is for a robot whose own sensors are {genome.sensors or 'none'}; those of robot "
-            f"{robot.name} are {sensors or 'none'}. Give robot.sensors=[...] as in training, or another champion"
-        )
 
 
 def compile_for(controllers: Sequence[Controller], network: Network, world: Scenario) -> None:

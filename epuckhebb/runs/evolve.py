@@ -6,13 +6,11 @@ be killed between any two files: resumed, it ends bit-identical.
 
 import io
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from epuckhebb.adaptation.nominal import Nominal, measure_nominal
@@ -26,6 +24,7 @@ from epuckhebb.config import (
     own_files,
     say_unusual,
     settings,
+    values_of,
 )
 from epuckhebb.controller.genome import GenomePlan, plan_of
 from epuckhebb.controller.network import Network
@@ -34,7 +33,7 @@ from epuckhebb.controller.plasticity.rule import NoRule
 from epuckhebb.evolution.evolve import Generation, evolve
 from epuckhebb.evolution.search import Search, check_start
 from epuckhebb.runs import hydra
-from epuckhebb.runs.evaluate import check_sensors, compile_for
+from epuckhebb.runs.evaluate import check_genome, compile_for
 from epuckhebb.runtime import Bar, ConfigError, path_of, say, thread_count
 from epuckhebb.store import (
     CHAMPION,
@@ -46,7 +45,6 @@ from epuckhebb.store import (
     Run,
     RunFolder,
     champion_file,
-    check_wiring,
     digest,
     load_genome,
 )
@@ -137,13 +135,11 @@ def prepare_evolution(config: EvolveConfig, *, has_genome: bool = True) -> Prepa
     given = None
     if has_genome and config.genome is not None:
         genome = load_genome(config.genome, world.experiment, config.shape)
-        check_wiring(genome.wiring, config.shape, genome.name)
-        check_sensors(genome, world.robot)
-        if genome.robot != world.robot.name or genome.network != network:
+        check_genome(genome, world, config.shape)
+        if genome.network != network:
             raise ConfigError(
-                f"genome={config.genome} is for robot {genome.robot} and a network of layers {genome.network}; this "
-                f"evolution is for robot {world.robot.name} and layers {network}. Give another genome, robot or "
-                "network.layers"
+                f"genome={config.genome} is for a network of layers {genome.network}; this evolution is for layers "
+                f"{network}. Give another genome or network.layers"
             )
         given = genome.network_genes
     try:
@@ -229,18 +225,14 @@ def resume(arguments: list[str]) -> Path:
                 f"in {path / OWN_CODE}), or begin another evolution"
             )
     changeable = _changeable(before)
-    for change in changes:
-        key, _, value = change.partition("=")
+    for key, value in values_of(changes).items():
         if key not in changeable:
             raise ConfigError(
-                f"{change} cannot be given with {RESUME}: the evolution is resumed with the settings in "
+                f"{key}={value} cannot be given with {RESUME}: the evolution is resumed with the settings in "
                 f"{path / CONFIG}; only these may be changed: {', '.join(changeable)}"
             )
         group, _, last = key.rpartition(".")
-        place = values[group] if group else values
-        place[last] = value  # what is no YAML is no value of such a key, either
-        with suppress(yaml.YAMLError):
-            place[last] = yaml.safe_load(value)
+        (values[group] if group else values)[last] = value
     config = from_values(values, EvolveConfig, f"resume={path}")
     prepared = prepare_evolution(config)
     prepared.compile()

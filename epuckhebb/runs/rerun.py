@@ -32,10 +32,10 @@ def repeat(path: Path) -> tuple[Path, str]:
     values = settings(run.config_file)
     own_code = facts.get("own_code", {})
     for part, key, file, name in own_references(values):
-        if str(file) not in own_code:
-            raise ConfigError(f"{path} has no copy of {file}, which {key} names")
         copy = own_code[str(file)]["copy"]
-        run.check_folder(copy.rpartition("/")[0])
+        for written in run.status["sha256"]:
+            if Path(written).is_relative_to(Path(copy).parent):
+                run.content(written)  # as this run wrote it
         part[key] = f"{(path / copy).absolute()}:{name}"
     if run.has(hand.NAME):
         run.content(hand.NAME)  # as this run wrote it

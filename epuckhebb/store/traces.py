@@ -27,7 +27,6 @@ def read_traces(run: Run) -> tuple[Traces, NDArray[np.float64], Network]:
         if not (run.path / TRACES).is_file():
             raise ValueError("there is no such file")
         arrays = arrays_of(run.content(TRACES))
-        arrays.setdefault("phase_began", np.zeros((len(arrays["time"]), 1)))  # of runs that did not record it
         network = network_from(arrays)
         shape = arrays["time"].shape
         samples = {

@@ -43,6 +43,7 @@ class Sensor(SensorGroup, OwnClass):
     PART: ClassVar[str] = "sensor"
     KEY: ClassVar[str] = "robot.sensors.sensor"
     METHODS: ClassVar[tuple[str, ...]] = ("read",)
+    ARGUMENTS: ClassVar[Collection[str]] = _OF_READ
     readings: ClassVar[tuple[str, ...]] = ("reading",)
     read: ClassVar[Callable[..., Any] | None] = None
 
@@ -83,11 +84,6 @@ class Sensor(SensorGroup, OwnClass):
         parts["put_all"] = compiled(eval(f"lambda values, around, scratch, readings: ({puts},)", {"put": put}))
         call = "lambda around, rays, scratch, readings: put_all(values(around), around, scratch, readings)"
         return Kernels(compiled(eval(call, parts)), nothing)
-
-    @classmethod
-    def known(cls, method: str) -> Collection[str]:  # noqa: ARG003  # it has one
-        """See `OwnClass`."""
-        return _OF_READ
 
     def check_value(self, value: Any, reading: str) -> None:
         """Check that a reading lies in [0, 1]; else a PartError."""

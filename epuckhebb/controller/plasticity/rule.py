@@ -106,13 +106,6 @@ class Rule(OwnClass):
     initial_weights: InitialWeights = InitialWeights.evolved
     reward: Reward = Reward.given
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.reward is not Reward.given and not receives_reward(type(self)):
-            raise ValueError(
-                f"hebbian.reward={self.reward.name} does nothing with rule {name_of(type(self))}, which gets no reward"
-            )
-
     @staticmethod
     def synapse(*_: Any) -> float:
         """The direction of a weight's change; a subclass defines it."""
