@@ -93,6 +93,7 @@ class Rule(OwnClass):
     with_reward: ClassVar[Mapping[str, Evolved]] = {}
     coefficients: ClassVar[tuple[str, ...]] = ()
     keeps_lengths: ClassVar[bool] = False
+    synapse: ClassVar[Any] = None
 
     N: float = within(0, default=0.0)
     N_gain_rad_s: float = within(0, default=0.0)
@@ -105,11 +106,6 @@ class Rule(OwnClass):
     sign: Sign = Sign.hebbian
     initial_weights: InitialWeights = InitialWeights.evolved
     reward: Reward = Reward.given
-
-    @staticmethod
-    def synapse(*_: Any) -> float:
-        """The direction of a weight's change; a subclass defines it."""
-        raise TypeError("a plasticity rule needs a static method `synapse`")
 
     @classmethod
     def express(cls, parameters: Mapping[str, Floats]) -> Mapping[str, Floats]:
