@@ -246,13 +246,12 @@ def test_invalid_networks_are_refused(layers):
         Network(layers)
 
 
-def test_a_gain_that_the_motors_do_not_reach_is_refused(genomes):
+def test_a_gain_that_the_motors_do_not_reach_is_refused():
     slow = Robot(name="slow", motor_limit_rad_s=0.5)
-    refused(r"gain_rad_s must .* at most 0.5", scenario=Scenario(robot=slow))
+    with pytest.raises(ValueError, match=r"gain_rad_s must .* at most 0.5"):
+        Scenario(robot=slow).check_lifetime(Lifetime())
     with pytest.raises(ValueError, match=r"gain_rad_s must .* at most 6.28"):
-        run_lifetimes(
-            [Individual(genes=genomes[0], side="left", key=np.uint64(0))], Scenario(), Lifetime(gain_rad_s=6.3)
-        )
+        Scenario().check_lifetime(Lifetime(gain_rad_s=6.3))
 
 
 INVALID = {"duration_s": (0.0, math.inf), "gain_rad_s": (0.0, math.nan), "noise": (-1.0,), "record_every": (-1,)}

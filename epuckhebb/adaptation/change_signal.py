@@ -53,13 +53,9 @@ class ChangeSignal(OwnClass):
     PART: ClassVar[str] = "change signal"
     KEY: ClassVar[str] = "adaptation.change_signal"
     METHODS: ClassVar[tuple[str, ...]] = ("signal",)
+    ARGUMENTS: ClassVar[Collection[str]] = _OF_SIGNAL
     needs_arrival: ClassVar[bool] = False
     signal: ClassVar[Callable[..., float] | None] = None
-
-    @classmethod
-    def known(cls, method: str) -> Collection[str]:  # noqa: ARG003  # it has one
-        """See `OwnClass`."""
-        return _OF_SIGNAL
 
 
 def signal_of(kind: type[ChangeSignal]) -> Callable[..., float]:

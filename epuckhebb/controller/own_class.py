@@ -32,11 +32,13 @@ class OwnClass:
     """A dataclass whose fields are its settings, with functions of which one at least is the user's.
 
     PART: what messages call it. KEY: names it in the configuration. METHODS: the names of these functions.
+    ARGUMENTS: the names that the arguments of its only method may have.
     """
 
     PART: ClassVar[str]
     KEY: ClassVar[str]
     METHODS: ClassVar[tuple[str, ...]] = ()
+    ARGUMENTS: ClassVar[Collection[str]] = ()
 
     def __post_init__(self) -> None:
         check(self, self.KEY.rpartition(".")[0])
@@ -56,19 +58,19 @@ class OwnClass:
         return tuple(float(getattr(self, name)) for name in self.settings())
 
     @classmethod
-    def known(cls, method: str) -> Collection[str] | None:  # noqa: ARG003  # others need it
-        """The names of the arguments that a method may have; None for one whose arguments are fixed."""
-        return None
+    def known(cls, method: str) -> Collection[str]:  # noqa: ARG003  # others need it
+        """The names of the arguments that a method may have; none where they are fixed."""
+        return cls.ARGUMENTS
 
     @classmethod
     def arguments(cls, method: str) -> tuple[str, ...]:
         """The names of the arguments of a method, in its order; a ValueError if one is unknown."""
         names, known = tuple(inspect.signature(getattr(cls, method)).parameters), cls.known(method)
-        unknown = [name for name in names if known is not None and name not in known]
+        unknown = [name for name in names if known and name not in known]
         if unknown:
             raise ValueError(
                 f"{cls.what()}: `{method}` has the unknown arguments {', '.join(unknown)}; known are "
-                + ", ".join(known or ())
+                + ", ".join(known)
             )
         return names
 

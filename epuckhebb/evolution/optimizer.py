@@ -56,17 +56,13 @@ class Algorithm(OwnClass, ABC):
     PART: ClassVar[str] = "optimizer"
     KEY: ClassVar[str] = "optimizer.algorithm"
     METHODS: ClassVar[tuple[str, ...]] = ("tell",)
+    ARGUMENTS: ClassVar[Collection[str]] = ("self", "fitness", *OF_OUTCOME)
     key: ClassVar[str] = "optimizer"
     common_random_numbers: ClassVar[bool] = False
     population: int
     start_noise: float = 0.0
     confirm: int = 0
     tell: Callable[..., None]
-
-    @classmethod
-    def known(cls, method: str) -> Collection[str]:  # noqa: ARG003  # it has one
-        """See `OwnClass`."""
-        return "self", "fitness", *OF_OUTCOME
 
     @property
     def first_generation(self) -> int:

@@ -10,7 +10,7 @@ from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled, nothing, one
 from epuckhebb.controller.network import PAPER_NETWORK, Network
 from epuckhebb.controller.plasticity.control import Sign
-from epuckhebb.controller.plasticity.rule import NO_RULE, NoRule, Reward, Rule
+from epuckhebb.controller.plasticity.rule import NO_RULE, NoRule, Reward, Rule, receives_reward
 from epuckhebb.controller.wiring import Wiring
 from epuckhebb.tmaze.fitness import Signal, signal_number
 from epuckhebb.tmaze.maze import Pose, Side
@@ -136,9 +136,10 @@ class Controller:
                 f"adaptation={self.adaptation.name} compares a life with those in the training world, where there is "
                 f"one goal for all of it, and task={task.name} has none; give adaptation=none"
             )
-        if rule.reward is not Reward.given and not task.gives_reward:
+        if rule.reward is not Reward.given and not (task.gives_reward and receives_reward(type(rule))):
             raise ValueError(
-                f"hebbian.reward={rule.reward.name} does nothing with task={task.name}, which gives no reward"
+                f"hebbian.reward={rule.reward.name} does nothing with rule {rule.name} and task={task.name}: one of "
+                "them knows no reward"
             )
         self.adaptation.check(rule, duration_s, wiring)
 

@@ -4,11 +4,9 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-import numpy as np
-
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled, nothing
-from epuckhebb.controller.own_class import OwnClass, PartError, call_of, namedtuple_of
+from epuckhebb.controller.own_class import OwnClass, call_of, namedtuple_of
 from epuckhebb.controller.ranges import within
 from epuckhebb.tmaze.sensors import Kernels, SensorGroup, Surroundings
 
@@ -43,6 +41,7 @@ class Sensor(SensorGroup, OwnClass):
     PART: ClassVar[str] = "sensor"
     KEY: ClassVar[str] = "robot.sensors.sensor"
     METHODS: ClassVar[tuple[str, ...]] = ("read",)
+    ARGUMENTS: ClassVar[Collection[str]] = _OF_READ
     readings: ClassVar[tuple[str, ...]] = ("reading",)
     read: ClassVar[Callable[..., Any] | None] = None
 
@@ -83,17 +82,6 @@ class Sensor(SensorGroup, OwnClass):
         parts["put_all"] = compiled(eval(f"lambda values, around, scratch, readings: ({puts},)", {"put": put}))
         call = "lambda around, rays, scratch, readings: put_all(values(around), around, scratch, readings)"
         return Kernels(compiled(eval(call, parts)), nothing)
-
-    @classmethod
-    def known(cls, method: str) -> Collection[str]:  # noqa: ARG003  # it has one
-        """See `OwnClass`."""
-        return _OF_READ
-
-    def check_value(self, value: Any, reading: str) -> None:
-        """Check that a reading lies in [0, 1]; else a PartError."""
-        is_number = isinstance(value, int | float | np.number | np.bool_)
-        if not is_number or not 0.0 <= value <= 1.0:
-            raise PartError(f"sensor {self.name}: {reading} must lie in [0, 1] before the noise, `read` gave {value}")
 
 
 def reading_names(groups: Sequence[SensorGroup]) -> str:

@@ -288,7 +288,10 @@ class Session:
         for group, scratch in zip(self.world.robot.sensors, life.workspace.senses.scratch, strict=True):
             if isinstance(group, Sensor):
                 for reading, value in zip(group.readings, scratch, strict=True):
-                    group.check_value(value, reading)
+                    if not 0.0 <= value <= 1.0:
+                        raise PartError(
+                            f"sensor {group.name}: {reading} must lie in [0, 1] before the noise, `read` gave {value}"
+                        )
         wiring, score = who.network.wiring, life.score["sum"][0] if self.world.fitness.step else 0.0
         where = f"on a {who.side} trial of scenario {self.world.name}"
         when = f"at step {tally.step - tally.lost} of {self.lifetime.steps}"

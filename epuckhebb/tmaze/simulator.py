@@ -67,12 +67,6 @@ class Simulator:
     """
 
     def __init__(self, world: Scenario, lifetime: Lifetime, fallback_rule: type[Rule] = Paper) -> None:
-        robot = world.robot
-        if lifetime.gain_rad_s > robot.motor_limit_rad_s:
-            raise ValueError(
-                f"lifetime.gain_rad_s must be more than 0 and at most {robot.motor_limit_rad_s:g}, the fastest of "
-                f"robot {robot.name}, got {lifetime.gain_rad_s}"
-            )
         self.world, self.lifetime, self._fallback_rule = world, lifetime, fallback_rule
         self.phases = self.phases_of(world)
         self.more_faults = any(phase.faults.more for phase in self.phases)

@@ -93,6 +93,7 @@ class Rule(OwnClass):
     with_reward: ClassVar[Mapping[str, Evolved]] = {}
     coefficients: ClassVar[tuple[str, ...]] = ()
     keeps_lengths: ClassVar[bool] = False
+    synapse: ClassVar[Any] = None
 
     N: float = within(0, default=0.0)
     N_gain_rad_s: float = within(0, default=0.0)
@@ -105,18 +106,6 @@ class Rule(OwnClass):
     sign: Sign = Sign.hebbian
     initial_weights: InitialWeights = InitialWeights.evolved
     reward: Reward = Reward.given
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.reward is not Reward.given and not receives_reward(type(self)):
-            raise ValueError(
-                f"hebbian.reward={self.reward.name} does nothing with rule {name_of(type(self))}, which gets no reward"
-            )
-
-    @staticmethod
-    def synapse(*_: Any) -> float:
-        """The direction of a weight's change; a subclass defines it."""
-        raise TypeError("a plasticity rule needs a static method `synapse`")
 
     @classmethod
     def express(cls, parameters: Mapping[str, Floats]) -> Mapping[str, Floats]:
