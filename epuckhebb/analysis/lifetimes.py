@@ -21,7 +21,6 @@ OWN_COLUMN = {  # keys that metrics.csv has a column for
     "hebbian.N": "N",
     "hebbian.signal": "signal",
 }
-_OTHER_COLUMN = {"fitness": "fitness_function"}  # keys whose name is that of a measure in metrics.csv
 _NO_CONDITION = ("seed", "repeats", "threads", "lifetime.record_every")  # keys that do not change what is evaluated
 _LIFETIME = ["_id", "side", "repeat", "seed"]
 
@@ -78,8 +77,8 @@ def gather(evaluations: Sequence[Evaluated]) -> Gathered:
 
 
 def _column(key: str) -> str:
-    """The column that has the value of a key."""
-    return OWN_COLUMN.get(key) or _OTHER_COLUMN.get(key, key)
+    """The column that has the value of a key; `fitness` is a measure in metrics.csv."""
+    return "fitness_function" if key == "fitness" else OWN_COLUMN.get(key, key)
 
 
 def is_of_plasticity(key: str) -> bool:

@@ -20,7 +20,6 @@ from epuckhebb.tmaze.maze import SIDES
 from epuckhebb.tmaze.scenario import TRAINED
 
 _TRIAL = ["experiment", "scenario", "controller", "N", "genome", "side", "seed", "repeat"]  # of rescue and harm
-_RATE = "N"
 _SUCCESS = ("n", "success", "success_noise_low", "success_noise_high")
 _REWARDED = "rewarded_share"  # the last mean, where a lifetime is many trials
 _MOST = 60  # rows of a table of success beside one of rescue and harm
@@ -91,10 +90,10 @@ def dose_response(rows: pd.DataFrame, settings: list[str]) -> pd.DataFrame | Non
     plastic = rows[(rows.controller != GA) & (rows.N > 0)]
     swept = plastic.groupby("controller").N.nunique()
     plastic = plastic[plastic.controller.isin(swept[swept > 1].index)]
-    if _RATE not in settings or not len(plastic) or _rewarded(rows):  # such a task has no success at one goal
+    if "N" not in settings or not len(plastic) or _rewarded(rows):  # such a task has no success at one goal
         return None
     several = has_champions(rows)
-    differ = [key for key in settings if key not in (_RATE, "genome") and plastic[key].nunique() > 1]
+    differ = [key for key in settings if key not in ("N", "genome") and plastic[key].nunique() > 1]
     world = list(dict.fromkeys(["scenario", "changed", *(key for key in differ if not is_of_plasticity(key))]))
     by = list(dict.fromkeys([*world, *differ, "controller"]))
     found = []

@@ -8,7 +8,6 @@ ends bit-identical to one that was never stopped.
 
 import json
 import os
-import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -21,7 +20,7 @@ from epuckhebb.runtime import ConfigError, JobFailedError, counting
 from epuckhebb.store import SCHEMA, UNFINISHED, OwnFile, Run, RunFolder, as_json, set_aside, write_atomic
 
 NO_EFFECT = ("threads", "figures")  # keys on which no result depends
-_LIST, _JOBS, _STOP = "sweep.json", "jobs", "stop"
+LIST, JOBS = "sweep.json", "jobs"
 AT_ONCE = 1000  # jobs that a launcher gets at a time: as many as SLURM takes in one array (its MaxArraySize is 1001)
 
 
@@ -122,7 +121,7 @@ def launch(
     """Do the jobs that are not done, on any launcher of Hydra's.
 
     study: of `open_study`. name: of the study, which every job is given. launcher: the overrides that set it up. do: a
-    function at the top of a module, which calls `do_job`. fail_fast: whether to start no job after one has failed.
+    function at the top of a module that does one of them. fail_fast: whether to start no job after one has failed.
     """
     folder = study.path
     missing = todo(folder, jobs)
@@ -130,13 +129,13 @@ def launch(
         if os.path.lexists(folder / job.run):  # a run gets there whole, so it was changed since
             set_aside(folder / job.run, folder, "is not a finished run, or was changed since")
     facts = {"name": name, "command_line": study.command_line, "fail_fast": fail_fast}
-    study.write(_LIST, as_json({"schema": SCHEMA, **facts, "jobs": [job.run for job in jobs]}))
+    study.write(LIST, as_json({"schema": SCHEMA, **facts, "jobs": [job.run for job in jobs]}))
     attempts: dict[str, Path] = {}
     trouble = ""
     if missing:
         for job in missing:  # the next call would write them anew, so they need not last; there may be ten thousand
             content = json.dumps({"overrides": job.overrides, "config": job.config}).encode()
-            write_atomic(folder / _JOBS / f"{job.run}.json", content, lasting=False)
+            write_atomic(folder / JOBS / f"{job.run}.json", content, lasting=False)
         with counting(len(missing), lambda: count(folder, missing, list(attempts.values()))):
             for first in range(0, len(missing), AT_ONCE):
                 some, stamp = missing[first : first + AT_ONCE], hydra.new_stamp()
@@ -175,33 +174,3 @@ def count(folder: Path, jobs: Sequence[Job], attempts: Sequence[Path]) -> tuple[
     unfinished = folder / UNFINISHED
     there = {path.name for path in unfinished.iterdir()} if unfinished.is_dir() else set()
     return done, sum(Run(path).recorded_status.get("state") == "failed" for path in attempts if path.name in there)
-
-
-def do_job(cfg: Any, study_named: Callable[[str], Any]) -> None:
-    """Do one job of a study, in the process that the launcher gives it.
-
-    cfg: what Hydra knows of the job: its name. study_named: gives the class of a study. Its `name_of` must still give
-    the name of the job; its `work` gets a folder, which is renamed afterwards, and facts for `provenance.json`.
-    """
-    attempt = hydra.output_folder()
-    folder, run = attempt.parents[1], str(cfg.job)
-    stop = attempt.parent / _STOP
-    if stop.exists():
-        attempt.rmdir()
-        return
-    listed = Run(folder).json(_LIST)
-    study, job = study_named(listed["name"]), Run(folder).json(f"{_JOBS}/{run}.json")
-    if study.name_of(job["config"]) != run:
-        raise JobFailedError(f"{run}: the genome or the program has changed since the study began")
-    try:
-        study.work(attempt, job, {"command_line": listed["command_line"], "sweep": listed["name"]})
-    except Exception:
-        if listed["fail_fast"]:
-            stop.touch()
-        raise
-    try:
-        attempt.rename(folder / run)
-    except OSError:
-        if not Run(folder / run).is_whole:  # else a worker of a killed call has just done the same
-            raise
-        shutil.rmtree(attempt)

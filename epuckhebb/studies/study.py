@@ -3,6 +3,7 @@
 import copy
 import importlib
 import inspect
+import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,13 +27,15 @@ from epuckhebb.config import (
     value_of,
     values_of,
 )
+from epuckhebb.runs import hydra
 from epuckhebb.runtime import ConfigError, JobFailedError, path_of, say
 from epuckhebb.store import OwnFile, Run, RunFolder, digest, fingerprint
 from epuckhebb.studies.jobs import (
+    JOBS,
+    LIST,
     NO_EFFECT,
     Job,
     Outcome,
-    do_job,
     launch,
     open_study,
     split,
@@ -155,10 +158,6 @@ class Study(Checked):
         """Write the tables, the figures and the page over all runs."""
         for name, table in self.tables([Run(folder.path / job.run) for job in planned.jobs]).items():
             folder.write(f"{name}.csv", table)
-        self.write_page(folder)
-
-    def write_page(self, folder: RunFolder) -> None:
-        """Write the figures, and the page as Markdown and as HTML."""
         from epuckhebb.analysis import report
         from epuckhebb.analysis.image import image, small  # matplotlib takes a while to load
 
@@ -243,8 +242,33 @@ def conduct(planned: Planned, *, fail_fast: bool = False) -> Outcome:
 
 
 def study_job(cfg: Any) -> None:
-    """Do one job of a study, as a job of Hydra's."""
-    do_job(cfg, study_named)
+    """Do one job of a study, in the process that the launcher gives it.
+
+    cfg: what Hydra knows of the job: its name. The study's `name_of` must still give this name. Its `work` gets a
+    folder, which is renamed afterwards, and facts for `provenance.json`.
+    """
+    attempt = hydra.output_folder()
+    folder, run = attempt.parents[1], str(cfg.job)
+    stop = attempt.parent / "stop"
+    if stop.exists():
+        attempt.rmdir()
+        return
+    listed = Run(folder).json(LIST)
+    study, job = study_named(listed["name"]), Run(folder).json(f"{JOBS}/{run}.json")
+    if study.name_of(job["config"]) != run:
+        raise JobFailedError(f"{run}: the genome or the program has changed since the study began")
+    try:
+        study.work(attempt, job, {"command_line": listed["command_line"], "sweep": listed["name"]})
+    except Exception:
+        if listed["fail_fast"]:
+            stop.touch()
+        raise
+    try:
+        attempt.rename(folder / run)
+    except OSError:
+        if not Run(folder / run).is_whole:  # else a worker of a killed call has just done the same
+            raise
+        shutil.rmtree(attempt)
 
 
 def study_named(reference: str) -> type[Study]:
