@@ -183,7 +183,7 @@ def test_every_control_changes_what_it_says(play, live):
         page.locator("#speed").select_option(speed)
         wait_until(page, lambda _, speed=speed: live.engine.speed == float(speed))
     assert page.locator("#log span").count() > 3
-    assert "sensor 0 dead" in page.locator("#mazes .now").nth(1).text_content()
+    assert "dead_sensors=[0]" in page.locator("#mazes .now").nth(1).text_content()
 
 
 def test_the_lamp_is_dragged(play, live):
