@@ -48,7 +48,7 @@ def run(words, point=None):
     if point:
         die_at(int(point[0]), point[1])
     sys.argv = ["epuckhebb", *words]
-    commands.main()
+    commands.app()
     return None
 
 

@@ -60,8 +60,8 @@ def test_a_change_to_the_same_changes_nothing(genomes, run_lifetime, times, keys
         run_lifetime(genomes[0], side, scenario=scenario, **settings) for scenario in (None, changed(*changes))
     )
     assert np.array(plain[0]).tobytes() == np.array(other[0]).tobytes()
-    for one, two in zip(plain[1], other[1], strict=True):
-        assert one.tobytes() == two.tobytes()
+    for name in set(plain[1]._fields) - {"phase_began"}:
+        assert getattr(plain[1], name).tobytes() == getattr(other[1], name).tobytes()
 
 
 # What changes; the sample that tells of it first; how many steps later that is; on which side.

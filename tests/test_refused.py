@@ -46,7 +46,7 @@ sweep obstacles ++hebbian.carries_history=${{x}} scenario=base | hebbian.carries
 evaluate scenrio=base                                   | scenrio | scenario
 evaluate scenario=5obstacles                            | 5obstacles | 4obstacles
 evaluate scenario=murky                                 | scenario/murky | lowlight
-evaluate hebian.N=0.002                                 | hebbian.N
+evaluate hebian.N=0.002                                 | hebian.N
 evaluate +hebian.N=0.9                                  | hebbian
 evaluate +hebbian.trace_decya=1                         | trace_decay
 evaluate N=0.1                                          | key N
@@ -109,7 +109,7 @@ evaluate +compare.GA={{N:1}}                            | compare.GA
 evaluate hebbian.name=GA                                | GA
 evaluate adaptation=late compare.late={{N:1}}           | late
 evaluate scenario.dead_sensors=[8]                      | scenario.dead_sensors | 0 to 7
-evaluate scenario.goals={{left:[-30,60]}}               | scenario.goals.left | in metres
+evaluate scenario.goals={{left:[-30,60]}}               | scenario.goals.left | -30
 evaluate scenario.goals={{left:[0.3]}}                  | scenario.goals.left | [0.3]
 evaluate maze.start={{x:0.09,y:-0.2,heading_deg:90}}    | maze.start | in a wall
 evaluate scenario.changes=[{{at_s:500,light:1}}]        | changes[0].at_s | less than
@@ -127,7 +127,8 @@ evolve training=varied ga.loops=1                       | training.unvaried_loop
 evolve training=varied optimizer=sep_cma_es optimizer.loops=1 | training.unvaried_loops
 evolve training=varied maze=double_t                    | niches
 evolve hebbian=abcd_shared hebbian.leak=-1              | hebbian.leak | -1
-evolve hebbian=online hebbian.window_s=0.01             | hebbian.window_s | 0.01
+evaluate hebbian=online hebbian.N=-1                    | hebbian.N | -1
+evolve hebbian=online hebbian.window_s=0                | hebbian.window_s | 0
 evolve hebbian=abcd hebbian.initial_weights=early                | hebbian.initial_weights | random
 evolve optimizer=sep_cma_es optimizer.population=1      | optimizer.population
 evolve optimizer=sep_cma_es optimizer.generations=many  | optimizer.generations

@@ -103,8 +103,8 @@ def test_what_is_listed_is_what_hydra_would_compose(words):
 
 @pytest.mark.thorough
 def test_ten_thousand_jobs_are_listed_without_composing_each(monkeypatch):
-    composed, count = compose.compose, []
-    monkeypatch.setattr(compose, "compose", lambda *args, **more: count.append(args) or composed(*args, **more))
+    composed, count = compose.by_hydra, []
+    monkeypatch.setattr(compose, "by_hydra", lambda *args, **more: count.append(args) or composed(*args, **more))
     jobs = sweep.plan("obstacles", ["scenario=base", "seed=range(1,101)", "repeats=range(1,101)"]).jobs
     assert (len(jobs), len(count)) == (10_000, 2)
     assert jobs[-1].config["seed"] == jobs[-1].config["repeats"] == 100

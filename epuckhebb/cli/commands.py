@@ -74,6 +74,9 @@ def evaluate(overrides: Overrides = None, open_page: Open = False, *, options: R
 
     if open_page and (options.multirun or options.cfg):
         raise ConfigError("--open shows the page of one run: leave out --multirun and --cfg")
+    recording = [word for word in overrides or [] if word.startswith("lifetime.record_every=")]
+    if open_page and recording[-1:] == ["lifetime.record_every=0"]:
+        raise ConfigError("--open shows what was recorded; give lifetime.record_every=8, or leave it out")
     words = as_evolved(with_genomes_named(overrides), options.config_dir)
     runs = run_command("evaluate", evaluate_job, prepare_evaluation, words, options, reports=True)
     if open_page:

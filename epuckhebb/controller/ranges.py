@@ -59,11 +59,20 @@ def check(instance: Any, prefix: str = "") -> None:
 
 
 def check_values(kind: Any, values: Mapping[str, Any], prefix: str = "") -> None:
-    """Check those values that the fields of a dataclass give a range; else a ValueError."""
+    """Check those values that the fields of a dataclass give a range; else a ValueError.
+
+    A subclass that gives a field another default keeps the range.
+    """
     for one in fields(kind):
-        value = values.get(one.name, one.default)
-        if "range" in one.metadata and value != one.default:
-            check_value(f"{prefix}.{one.name}" if prefix else one.name, value, one.metadata["range"], one.default)
+        value, allowed = values.get(one.name, one.default), _range_of(kind, one.name)
+        if allowed is not None and value != one.default:
+            check_value(f"{prefix}.{one.name}" if prefix else one.name, value, allowed, one.default)
+
+
+def _range_of(kind: type, name: str) -> Range | None:
+    """The range of a field, of the class that declares one."""
+    declared = (getattr(base, "__dataclass_fields__", {}).get(name) for base in kind.__mro__)
+    return next((one.metadata["range"] for one in declared if one is not None and "range" in one.metadata), None)
 
 
 def check_value(key: str, value: Any, allowed: Range, default: Any = MISSING) -> None:
