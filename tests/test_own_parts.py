@@ -80,6 +80,12 @@ def test_one_of_each_kind_is_found_and_has_its_settings(kind):
     assert str(Path("bad.py").absolute()) in str(config.values)
 
 
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("kind", sorted(BODIES.keys() - {"change signal", "coupling"}))
+def test_what_was_left_as_it_is_in_a_class_is_in_the_configuration(kind):
+    assert "'more': 1.0" in str(config_with(kind, part(kind)).values)
+
+
 def test_all_kinds_are_tested():
     assert {*BODIES, "physics"} == set(KINDS)
 

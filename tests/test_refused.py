@@ -262,3 +262,10 @@ def test_an_error_without_words_is_told_by_its_cause_or_its_kind():
     assert explain(error) == "RuntimeError"
     error.__cause__ = ValueError("why")
     assert explain(error) == "why"
+
+
+@pytest.mark.parametrize(("plugin", "extra"), [("submitit_slurm", "slurm"), ("ray", "ray")])
+def test_a_launcher_that_is_not_installed_is_told_with_what_installs_it(plugin, extra):
+    """Also where a launcher of ours, with a name of its own, begins with that of the plug-in."""
+    error = ValueError(f"In 'hydra/launcher/mine': Could not load 'hydra/launcher/{plugin}'.")
+    assert f"epuckhebb[{extra}]" in explain(error)

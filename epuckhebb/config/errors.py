@@ -6,7 +6,7 @@ import yaml
 
 _KEY = "full_key:"  # before the key, on a line of its own
 _NOISE = ("object_type=", "reference_type=", "provider=")  # lines that say nothing to a user
-_EXTRAS = {"submitit": "slurm", "ray": "ray", "joblib": "parallel"}  # launcher -> the extra of this package that has it
+_EXTRAS = {"submitit": "slurm", "ray": "ray"}  # launcher -> the extra of this package that has it
 
 
 def explain(error: BaseException) -> str:
@@ -28,8 +28,9 @@ def explain(error: BaseException) -> str:
     message = " ".join(lines) or type(error).__name__
     if keys and keys[0] not in message:
         message = f"{keys[0]}: {message}"
-    launcher = re.search(r"hydra/launcher/(\w+?)(_\w+)?'", message)
-    if launcher and launcher[1] in _EXTRAS:
+    launcher = re.search(rf"'hydra/launcher/({'|'.join(_EXTRAS)})(_\w+)?'", message)
+    if launcher:
+        message = message.removesuffix(".")
         message += f'; this launcher is a plug-in: pip install "epuckhebb[{_EXTRAS[launcher[1]]}]"'
     return message
 

@@ -20,8 +20,9 @@ from epuckhebb.config.catalogue import BROUGHT, NULL, by_hydra, changes
 from epuckhebb.config.changed import differences, find_own_files, usual_world
 from epuckhebb.config.errors import explain
 from epuckhebb.config.overrides import literal
-from epuckhebb.config.parts import NONE, PAPER, part_class, part_from
+from epuckhebb.config.parts import KINDS, NONE, PAPER, part_class, part_from
 from epuckhebb.config.schema import WorldConfig, plain
+from epuckhebb.controller.plasticity.rule import Rule
 from epuckhebb.controller.wiring import LAYERS
 from epuckhebb.runtime import ConfigError, conf, data_folder, path_of
 from epuckhebb.tmaze.individual import HEBBIAN
@@ -137,7 +138,12 @@ def _of_program(word: str) -> dict[str, Any]:
 
 
 def _complete_parts(cfg: DictConfig) -> None:
-    """Write down where changes by hand are, and what sensors of the user's read."""
+    """Write down where changes by hand are, what sensors of the user's read, and what was left as it is in classes."""
+    for kind in ("rule", "fitness", "task", "wiring", "optimizer"):
+        group, key = KINDS[kind].group, KINDS[kind].key
+        part = str((cfg.get(group) or {}).get(key))
+        if ":" in part or (kind == "wiring" and part in KINDS[kind].names and part != LAYERS):
+            _write_defaults(cfg[group], kind, part, group)
     if cfg.network.get("wiring") != LAYERS and cfg.network.get("layers") is None:
         cfg.network.pop("layers", None)
     sensors = cfg.robot.get("sensors")
@@ -146,8 +152,17 @@ def _complete_parts(cfg: DictConfig) -> None:
         if not isinstance(settings, DictConfig) or ":" not in str(settings.get("sensor")):
             raise ConfigError(f"{key} must be {{sensor: FILE.py:NAME}} and its settings, got {settings}")
         settings.setdefault("readings", list(part_class("sensor", settings.sensor, key).readings))
+        _write_defaults(settings, "sensor", settings.sensor, key)
     if cfg.scenario.get("hand") is not None:
         cfg.scenario.hand = literal(str(path_of(cfg.scenario.hand, "scenario.hand").absolute()))
+
+
+def _write_defaults(settings: DictConfig, kind: str, part: str, key: str) -> None:
+    """Write down what a class has that was left as it is; what all rules have comes from the chosen row."""
+    shared = {field.name for field in fields(Rule)} if kind == "rule" else set()
+    for field in fields(part_class(kind, part, key)):
+        if field.name not in {*shared, *settings} and isinstance(field.default, bool | int | float | str):
+            settings[field.name] = field.default
 
 
 def _fit_rule(cfg: DictConfig, choice: str, chosen: DictConfig) -> None:
