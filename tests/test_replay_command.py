@@ -79,9 +79,7 @@ def test_a_run_that_recorded_nothing_says_how_to_record(tmp_path):
     run = evaluated(tmp_path, "scenario=2obstacles", "lifetime.duration_s=2", "lifetime.record_every=0")
     result = call("replay", run)
     assert result.exit_code == 2
-    assert "epuckhebb evaluate repeats=1 scenario=2obstacles lifetime.duration_s=2 lifetime.record_every=8" in (
-        result.output
-    )
+    assert "lifetime.record_every=8" in result.output
 
 
 def test_a_run_of_evolve_points_to_evaluate(tmp_path):

@@ -29,6 +29,7 @@ from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.senses import SenseWorkspace, sense_workspace
 
 _LONGEST_S = 1e9  # 31 years: more is surely a slip
+_MOST_SAMPLES = 1_000_000  # of a lifetime; each takes 1.3 kB, mostly weights
 
 TALLY = np.dtype(
     [
@@ -87,6 +88,11 @@ class Lifetime:
 
     def __post_init__(self) -> None:
         check(self, "lifetime")
+        if self.record_every and self.steps / self.record_every > _MOST_SAMPLES:  # a slip of the unit fills the memory
+            raise ValueError(
+                f"lifetime.record_every={self.record_every} would record more than {_MOST_SAMPLES:,} samples of "
+                f"lifetime.duration_s={self.duration_s:g}; give a shorter lifetime, or 0 to record nothing"
+            )
 
     @property
     def steps(self) -> int:
