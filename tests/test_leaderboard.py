@@ -266,7 +266,7 @@ def test_champions_are_tested_with_the_network_that_they_evolved_with(conf, here
     names = [entry.method.name for entry in planned.study.entries]
     assert names == ["tiny", "wired", "oja_on_wired"]
     networks = [[job.config["config"]["network"] for job in entry.tests.values()] for entry in planned.study.entries]
-    assert networks == [[{"wiring": "mlp", "layers": None}], *([{"wiring": "elman"}],) * 2]
+    assert networks == [[{"wiring": "mlp", "layers": None}], *([{"wiring": "elman", "hidden": 8}],) * 2]
     assert list(here.iterdir()) == []
 
 

@@ -71,6 +71,7 @@ def _gaps(x: Floats, y: Floats, walls: Floats) -> Floats:
     for left, right, bottom, top in walls:
         beside = np.maximum(np.maximum(left - x, x - right), 0.0)
         before = np.maximum(np.maximum(bottom - y, y - top), 0.0)
-        np.minimum(nearest, beside[:, None] ** 2 + before[None, :] ** 2, out=nearest)
+        with np.errstate(over="ignore"):  # a wall may be so far away that the square of its distance is infinite
+            np.minimum(nearest, beside[:, None] ** 2 + before[None, :] ** 2, out=nearest)
     distances: Floats = np.sqrt(nearest)
     return distances
