@@ -14,7 +14,6 @@ from PIL import Image
 
 import epuckhebb
 from epuckhebb.analysis.evaluate import COLUMNS
-from epuckhebb.runtime import progress
 
 FAST = ["lifetime.duration_s=8", "repeats=2"]
 BRIEF = {"lifetime": {"duration_s": 0.64, "record_every": 1}, "repeats": 1}
@@ -68,13 +67,6 @@ def test_a_sweep_is_one_table_the_same_each_time(capfd):
     assert list(one.columns) == ["hebbian", *COLUMNS]
     assert len(one) == 2 * 6  # in each world the genes alone and two rates, on both sides
     assert capfd.readouterr().err == ""  # it took less than half a minute
-
-
-def test_a_sweep_shows_its_progress_after_a_quiet_call(capfd, monkeypatch):
-    monkeypatch.setattr(progress, "_LINE_S", 0.0)
-    progress.be_quiet(True)
-    epuckhebb.sweep(over={"seed": [3]}, lifetime={"duration_s": 0.064}, repeats=1)
-    assert "job 0/1  seed=3" in capfd.readouterr().err
 
 
 def test_an_evolution_is_a_champion_and_its_history(capfd):

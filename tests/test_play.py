@@ -422,7 +422,7 @@ def test_from_python(here):
 
 
 def command(*words, **more):
-    env = {**os.environ, "PYTHONUNBUFFERED": "1", "SSH_CONNECTION": "1 2 3 4"}
+    env = {**os.environ, "PYTHONUNBUFFERED": "1"}
     return subprocess.Popen(
         [sys.executable, "-m", "epuckhebb", "play", *words],
         stdout=subprocess.PIPE,
@@ -441,7 +441,6 @@ def test_the_command_prints_the_address_and_ends_with_ctrl_c():
     playing.send_signal(signal.SIGINT)
     _, err = playing.communicate(timeout=30)
     assert playing.returncode == 0, err
-    assert "ssh -L" in err
     assert "Traceback" not in err
 
 

@@ -197,8 +197,6 @@ evaluate -m hydra/launcher=ray seed=1,2                 | epuckhebb[ray]
 evaluate experiment=n_sweep                             | epuckhebb sweep n_sweep
 evaluate -m --cfg job seed=1,2                          | --cfg | --multirun
 evaluate --cfg everything                               | everything | job
-evaluate --open lifetime.record_every=0                 | --open
-evaluate --open -m scenario=base,2obstacles             | --open
 sweep light hydra/sweeper=basic                         | hydra/sweeper=basic
 sweep light hydra/launcher=nope                         | nope | joblib
 sweep light scenario.light=range(1,3),range(1,4)        | scenario.light

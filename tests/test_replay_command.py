@@ -106,14 +106,6 @@ def test_replay_open(short_run, opened):
     assert opened == [(short_run / "replay.html").resolve().as_uri()]
 
 
-def test_evaluate_open(tmp_path, opened):
-    with contextlib.chdir(tmp_path):
-        result = call("evaluate", "--open", "repeats=1", "lifetime.duration_s=1")
-    assert result.exit_code == 0, result.output
-    (page,) = tmp_path.glob("runs/evaluate/*/replay.html")
-    assert opened == [page.resolve().as_uri()]
-
-
 def test_open_without_a_browser_says_so(short_run, monkeypatch):
     monkeypatch.setattr(webbrowser, "open", lambda _: False)
     result = call("replay", short_run, "--open")

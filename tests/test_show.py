@@ -1,16 +1,13 @@
 """`epuckhebb show` of everything that can be named, and the word `latest`."""
 
 import json
-import math
 import re
 from pathlib import Path
 
 import pandas as pd
 import pytest
 from cases import call, done
-from rich.console import Console
 
-from epuckhebb.analysis.evaluate import COLUMNS
 from epuckhebb.cli import results
 from epuckhebb.cli.console import Terminal
 from epuckhebb.studies.sweep import Sweep
@@ -125,12 +122,3 @@ def test_verbs_take_the_latest_run_that_they_can_use(folder, tmp_path, monkeypat
     assert "recorded nothing" in result.stderr  # the second job of the multirun
     assert "_multirun" in result.stderr
     result = done("evolve", "resume=latest", "-q")
-
-
-def test_it_is_told_that_robots_came_to_the_goal_and_drove_on(capsys, monkeypatch):
-    monkeypatch.setattr(results, "_print_notes", lambda *_: None)
-    same = {**dict.fromkeys(COLUMNS, 0.0), "controller": "GA", "genome": "g", "scenario": "base", "changed": ""}
-    lives = (("left", 0, 12.0), ("right", 0, math.nan), ("right", 1, 20.0))
-    metrics = [{**same, "side": side, "success": success, "time_to_goal_s": time} for side, success, time in lives]
-    results.print_evaluation(Path("run"), Console(width=200), metrics)
-    assert "1 of 3 lifetimes reached the goal and drove on" in capsys.readouterr().out

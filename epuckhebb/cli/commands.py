@@ -1,7 +1,5 @@
 """Declares the commands of `epuckhebb`. Each imports what is heavy when it is called, so help comes at once."""
 
-import os
-import socket
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -68,21 +66,11 @@ def evolve(overrides: Overrides = None, *, options: RunOptions) -> None:
 
 @app.command(cls=ConfiguredCommand)
 @takes_options
-def evaluate(overrides: Overrides = None, open_page: Open = False, *, options: RunOptions) -> None:
+def evaluate(overrides: Overrides = None, *, options: RunOptions) -> None:
     """A genome's lifetimes with and without plasticity."""
-    from epuckhebb.runs import as_evolved, evaluate_job, prepare_evaluation
+    from epuckhebb.runs import evaluate_job, prepare_evaluation
 
-    if open_page and (options.multirun or options.cfg):
-        raise ConfigError("--open shows the page of one run: leave out --multirun and --cfg")
-    recording = [word for word in overrides or [] if word.startswith("lifetime.record_every=")]
-    if open_page and recording[-1:] == ["lifetime.record_every=0"]:
-        raise ConfigError("--open shows what was recorded; give lifetime.record_every=8, or leave it out")
-    words = as_evolved(with_genomes_named(overrides), options.config_dir)
-    runs = run_command("evaluate", evaluate_job, prepare_evaluation, words, options, reports=True)
-    if open_page:
-        from epuckhebb.export.replay import replay as write_replay
-
-        open_in_browser(*write_replay(runs[0]))
+    run_command("evaluate", evaluate_job, prepare_evaluation, with_genomes_named(overrides), options)
 
 
 @app.command(cls=Command)
@@ -143,16 +131,12 @@ def play(
     """A live world in the browser, to disturb by hand."""
     from epuckhebb.config import check_config_dir
     from epuckhebb.live.server import Play, open_page
-    from epuckhebb.runs import as_evolved
     from epuckhebb.runtime import be_quiet, say
 
     be_quiet(quiet)
     check_config_dir(config_dir)
-    words = as_evolved(with_genomes_named(overrides), config_dir)
-    with Play(words, side, config_dir, port) as live, suppress(KeyboardInterrupt):
-        forward = f"ssh -L {live.server.port}:127.0.0.1:{live.server.port} {socket.gethostname()}"
-        remote = f"On your own computer type `{forward}`, then open this address there."
-        say(remote if "SSH_CONNECTION" in os.environ else "Ctrl-C ends it.")
+    with Play(with_genomes_named(overrides), side, config_dir, port) as live, suppress(KeyboardInterrupt):
+        say("Ctrl-C ends it.")
         typer.echo(live.address)  # from here on, Ctrl-C is how it is ended
         if browser:
             open_page(live.address)
@@ -222,13 +206,12 @@ def sweep(
 ) -> None:
     """A named sweep or your own study; again, it does the rest."""
     from epuckhebb.config import check_config_dir
-    from epuckhebb.runs import as_evolved
     from epuckhebb.studies.study import plan_own
     from epuckhebb.studies.sweep import plan
 
     config_dir, words = options.config_dir, with_genomes_named(overrides)
     check_config_dir(config_dir)
-    planned = plan_own(name, words) if ".py:" in name else plan(name, as_evolved(words, config_dir), config_dir)
+    planned = plan_own(name, words) if ".py:" in name else plan(name, words, config_dir)
     run_study(planned, options, dry_run=dry_run, fail_fast=fail_fast)
 
 

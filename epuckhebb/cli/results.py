@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 _LISTED = 20  # jobs of a study that is not run
 
 
-def print_evaluation(path: Path, console: Console, metrics: Rows | None = None) -> None:
-    """Print the paper's table of a run, and what belongs to it. metrics: its lifetimes; read unless given."""
-    metrics = metrics or Run(path).rows("metrics.csv")
+def print_evaluation(path: Path, console: Console) -> None:
+    """Print the paper's table of a run, and what belongs to it."""
+    metrics = Run(path).rows("metrics.csv")
     text = tables.formatted(tables.paper_table(metrics))
     rows = [(*place, *cells.values()) for place, cells in text.items()]
     print_table(console, _title(metrics), ("controller", "side", *tables.ROWS), rows, text=2)
@@ -94,11 +94,8 @@ def print_jobs(found: dict[str, Any], console: Console) -> None:
         print_line(console, f"About {duration} on the {cores} cores of this machine, if they are free.")
 
 
-def print_results(path: Path, console: Console, metrics: Rows | None = None) -> None:
-    """Print the results of a run or of a study; nothing of a study that has not written its tables yet.
-
-    metrics: the lifetimes of an evaluation; read unless given.
-    """
+def print_results(path: Path, console: Console) -> None:
+    """Print the results of a run or of a study; nothing of a study that has not written its tables yet."""
     run = Run(path)
     if (study := study_in(path)) is not None:
         if run.has(study.result):
@@ -108,7 +105,7 @@ def print_results(path: Path, console: Console, metrics: Rows | None = None) -> 
     elif run.has("reversal.csv"):  # it has metrics.csv, too
         print_trials(path, console)
     elif run.has("metrics.csv"):
-        print_evaluation(path, console, metrics)
+        print_evaluation(path, console)
     elif run.has("history.csv"):
         print_evolution(path, console)
     if run.has("report.html"):

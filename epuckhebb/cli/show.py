@@ -22,8 +22,8 @@ _NEEDED = re.compile(r"(hebbian|network|physics|robot)[.=]")  # settings without
 _CHANGED = {"light": "lowlight", "obstacles": "4obstacles"}  # a changed world of each experiment
 
 
-def print_finished(finished: list[Path], console: Console, *, reported: bool = False) -> None:
-    """Print the results of the runs of one call: all of one run unless reported before, a table over many.
+def print_finished(finished: list[Path], console: Console) -> None:
+    """Print the results of the runs of one call: all of one run, a table over many.
 
     After an evolution, print what to type to see its champion, and to evaluate it.
     """
@@ -32,8 +32,7 @@ def print_finished(finished: list[Path], console: Console, *, reported: bool = F
     if len(finished) != 1:
         return
     (path,) = finished
-    if not reported:
-        results.print_results(path, console)
+    results.print_results(path, console)
     print_line(console, f"Run folder: {path}")
     champion = load_genome(str(path), "") if Run(path).has("champion.npz") else None
     if champion is not None and champion.task:
