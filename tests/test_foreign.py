@@ -14,7 +14,7 @@ from epuckhebb.config.schema import plain
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.store import disk, genome, provenance
 from epuckhebb.store.folder import RunFolder
-from epuckhebb.studies import identity
+from epuckhebb.studies import sweep
 
 compiled = importlib.import_module("epuckhebb.controller.compiling.kernel")
 
@@ -116,9 +116,9 @@ def test_a_job_is_known_by_all_that_its_results_depend_on(monkeypatch):
     ):
         with monkeypatch.context() as patched:
             patched.setattr(place, name, value)
-            names.append(identity.Identities().of(config))
+            names.append(sweep.Identities().of(config))
     assert len(set(names)) == 4
-    assert identity.Identities().of(config) == names[0]
+    assert sweep.Identities().of(config) == names[0]
 
 
 @pytest.fixture

@@ -20,7 +20,7 @@ from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.store.genome import load_genome
 from epuckhebb.store.run import Run
 from epuckhebb.studies.flock import FlockStudy
-from epuckhebb.studies.identity import Identities
+from epuckhebb.studies.sweep import Identities
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 WIRES = "sizes: ClassVar = (3, 2)\n    synapses = lambda self, inputs: [(0, inputs + 4), (0, inputs + 5)]\n    "

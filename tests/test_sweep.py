@@ -27,8 +27,8 @@ from epuckhebb.runtime.resources import data_folder
 from epuckhebb.store import provenance
 from epuckhebb.store.genome import load_genome
 from epuckhebb.store.run import Run
-from epuckhebb.studies import identity, leaderboard_jobs, sweep
 from epuckhebb.studies import jobs as study_jobs
+from epuckhebb.studies import leaderboard_jobs, sweep
 
 FAST = ["lifetime.duration_s=3", "repeats=2"]
 TWO = ["scenario=base,4obstacles", *FAST]
@@ -67,7 +67,7 @@ def test_a_dry_run_lists_the_jobs_and_writes_nothing(here, name):
     few = ["genome=reference_101", "scenario=base,highlight,lowlight"] if many else []
     result = done("sweep", name, *few, "seed=1,2", "--dry-run", "--json")
     told = call("sweep", name, *few, "seed=1,2", "--dry-run").stdout
-    assert re.search(r"0 done, \d+ to do; nothing was run.\nAbout \d+ minutes on the \d+ cores", told)
+    assert re.search(r"0 done, \d+ to do; nothing was run.", told)
     listed = json.loads(result.stdout)["jobs"]
     assert len({job["run"] for job in listed}) == len(listed) >= 6
     assert not any(job["done"] for job in listed)
@@ -93,12 +93,12 @@ def test_all_that_the_sweep_of_adaptations_names_is_there():
     ),
 )
 def test_what_is_listed_is_what_hydra_would_compose(words):
-    identities = identity.Identities()
+    identities = sweep.Identities()
     jobs = sweep.plan("n_sweep", words).jobs
     assert len({job.run for job in jobs}) == len(jobs) > 1
     for job in jobs:
         assert compose.load(EvaluateConfig, job.overrides).values == job.config
-        assert identities.of(job.config) == identity.Identities().of(job.config) == job.run
+        assert identities.of(job.config) == sweep.Identities().of(job.config) == job.run
 
 
 @pytest.mark.thorough

@@ -63,21 +63,6 @@ def compare(published: pd.DataFrame, each: pd.DataFrame, showcase: Mapping[str, 
     return pd.DataFrame(rows)
 
 
-def with_repeats(comparison: pd.DataFrame, lifetimes: pd.DataFrame) -> pd.DataFrame:
-    """The numbers of one genome with the distribution over its repeats: how many, 95 % of them, the paper's percentile.
-
-    comparison: of `compare`, rows without a published number are left out. lifetimes: a row each. The percentile is the
-    share of repeats below the paper's number, those equal to it by half [%].
-    """
-    rows = []
-    for _, cell in comparison[comparison.published.notna()].iterrows():
-        values = _at_cell(lifetimes, cell)[cell.metric].dropna().to_numpy(float)
-        low, high = np.quantile(values, [0.025, 0.975]) if len(values) else (np.nan, np.nan)
-        below = (values < cell.published).mean() + (values == cell.published).mean() / 2 if len(values) else np.nan
-        rows.append({**cell, "n": len(values), "low": low, "high": high, "percentile": 100 * below})
-    return pd.DataFrame(rows).drop(columns=["median", "q25", "q75"])
-
-
 def _at_cell(table: pd.DataFrame, cell: "pd.Series[Any]") -> pd.DataFrame:
     rate = 0.0 if cell.controller == GA else PAPER_N[cell.experiment]
     return table[(table[["experiment", *CELL]] == cell[["experiment", *CELL]]).all(axis=1) & (rate == table.N)]

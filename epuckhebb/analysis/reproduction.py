@@ -67,10 +67,10 @@ def markdown(
         ours = published.table(group, of_all=False).markdown()
         parts.append(f"### {paper[str(name)]['title']}\n")
         if given:
-            parts += [f"Genome {code(shown)}.\n", ours]
-            parts += ["\nRelative deviation from the published value, and where that is among the repeats:\n"]
-            repeated = tables["repeats"]
-            parts += [_deviations(repeated[repeated.table == name]).markdown()]
+            parts += [
+                f"Genome {code(shown)}. Relative deviations from the published values are in `comparison.csv`.\n",
+                ours,
+            ]
             continue
         parts += [
             f"Showcase: {code(shown)}, mean of its repeats. {_SHOWCASE} It agrees in {agreeing} of the {cells} cells "
@@ -110,12 +110,11 @@ def hebbian(rate: float, signal: Signal, sign: Sign = Sign.hebbian) -> Controlle
     return Controller(name=CONTROLS[sign], rule=Paper(N=rate, sign=sign, signal=signal))
 
 
-def tables_of(metrics: pd.DataFrame, paper: Mapping[str, Any], *, given: bool) -> dict[str, pd.DataFrame]:
-    """Every table by its name. metrics: the lifetimes of all champions. paper, given: as of `markdown`."""
+def tables_of(metrics: pd.DataFrame, paper: Mapping[str, Any]) -> dict[str, pd.DataFrame]:
+    """Every table by its name. metrics: the lifetimes of all champions. paper: as of `markdown`."""
     each = findings.trials(metrics)
     shown = {one: name for one, (name, *_) in showcases(each, paper).items()}
-    comparison = published.compare(published.published_values(paper), each, shown)
-    tables = {
+    return {
         "metrics": metrics,
         "trials": each,
         "claims": findings.claims(each),
@@ -123,9 +122,8 @@ def tables_of(metrics: pd.DataFrame, paper: Mapping[str, Any], *, given: bool) -
         "rescue_and_harm": findings.rescue_and_harm(each),
         "retention": findings.retention(each),
         "dose_response": findings.dose_response(each),
-        "comparison": comparison,
+        "comparison": published.compare(published.published_values(paper), each, shown),
     }
-    return tables | ({"repeats": published.with_repeats(comparison, metrics)} if given else {})
 
 
 def showcases(each: pd.DataFrame, paper: Mapping[str, Any]) -> dict[str, tuple[str, int, int]]:
@@ -207,17 +205,6 @@ def claims_table(claims: pd.DataFrame) -> Table:
     ]
     head = ["experiment", "claim", "verdict", "true in", "share", "which trials: what counts"]
     return Table(head, rows, "The paper's claims")
-
-
-def _deviations(repeats: pd.DataFrame) -> Table:
-    rows = [
-        [row.scenario, f"{row.controller} {row.side}", row.metric, f"{row.published:g}", f"{row.ours:.4f}"]
-        + ["–" if np.isnan(row.relative_deviation) else f"{100 * row.relative_deviation:+.1f} %"]
-        + [f"[{row.low:.4f}, {row.high:.4f}]", "–" if np.isnan(row.percentile) else f"{row.percentile:.0f}", f"{row.n}"]
-        for row in repeats.itertuples()
-    ]
-    head = ["scenario", "controller", "metric", "paper", "ours", "deviation", "95 % of repeats", "paper's percentile"]
-    return Table([*head, "repeats"], rows)
 
 
 def _at_paper_rates(table: pd.DataFrame) -> pd.DataFrame:

@@ -50,7 +50,6 @@ def run_study(planned: "Planned", output: Output, *, dry_run: bool = False, fail
     from epuckhebb.cli import results, show
     from epuckhebb.studies.jobs import todo
     from epuckhebb.studies.study import conduct
-    from epuckhebb.studies.sweep import Sweep
 
     folder = planned.folder
     if dry_run:
@@ -64,9 +63,7 @@ def run_study(planned: "Planned", output: Output, *, dry_run: bool = False, fail
             }
             for job in planned.jobs
         ]
-        jobs: dict[str, Any] = {"command": planned.study.command, "folder": str(folder), "jobs": listed}
-        if isinstance(planned.study, Sweep):
-            jobs["cpu_s"] = sum(planned.study.cpu_s[run] for run in missing)
+        jobs = {"command": planned.study.command, "folder": str(folder), "jobs": listed}
         output.print(lambda: jobs, lambda console: results.print_jobs(jobs, console))
         return
     outcome = conduct(planned, fail_fast=fail_fast)

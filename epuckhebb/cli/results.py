@@ -11,7 +11,6 @@ from epuckhebb.analysis import tables
 from epuckhebb.analysis.evaluate import Rows
 from epuckhebb.analysis.tables import unmarked
 from epuckhebb.cli.console import print_line, print_table
-from epuckhebb.runtime import thread_count
 from epuckhebb.store import Run, is_bundled, load_genome
 from epuckhebb.tmaze.scenario import EXPERIMENTS
 
@@ -78,7 +77,7 @@ def _print_notes(path: Path, console: Console) -> None:
 
 
 def print_jobs(found: dict[str, Any], console: Console) -> None:
-    """List the first jobs of a study that is not run, and say how long all take. found: as in its JSON."""
+    """List the first jobs of a study that is not run. found: as in its JSON."""
     folder, listed = found["folder"], found["jobs"]
     rows = [(n, "done" if job["done"] else "to do", job["what"]) for n, job in enumerate(listed[:_LISTED])]
     print_table(console, f"{len(listed)} jobs in {folder}/", ("job", "", "what"), rows, text=3)
@@ -86,12 +85,6 @@ def print_jobs(found: dict[str, Any], console: Console) -> None:
         print_line(console, f"... and {len(listed) - _LISTED} more; --json lists all.")
     done = sum(job["done"] for job in listed)
     print_line(console, f"{done} done, {len(listed) - done} to do; nothing was run.")
-    if found.get("cpu_s"):
-        cores = thread_count()
-        seconds = found["cpu_s"] / min(cores, len(listed) - done)
-        units = (("days", 86400), ("hours", 3600), ("minutes", 60))  # the largest that it has two of
-        duration = next((f"{seconds / size:.0f} {name}" for name, size in units if seconds >= 2 * size), "2 minutes")
-        print_line(console, f"About {duration} on the {cores} cores of this machine, if they are free.")
 
 
 def print_results(path: Path, console: Console) -> None:

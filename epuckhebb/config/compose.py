@@ -2,8 +2,7 @@
 
 import functools
 import re
-from collections.abc import Callable, Iterable, Iterator
-from typing import Any
+from collections.abc import Iterable, Iterator
 
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -12,7 +11,7 @@ from epuckhebb.config.catalogue import Composed, by_hydra
 from epuckhebb.config.errors import explain
 from epuckhebb.config.overrides import check_words, parsed
 from epuckhebb.config.resolve import resolve
-from epuckhebb.config.schema import SCHEMAS, Config, Plain, plain, typed
+from epuckhebb.config.schema import Config, Plain, plain, typed
 from epuckhebb.config.stored import value_as_declared
 from epuckhebb.runtime import ConfigError
 
@@ -50,22 +49,18 @@ def configurations(
     fixed: list[str],
     jobs: Iterable[tuple[str, ...]],
     config_dir: str | None,
-    validate_shared: Callable[[Plain, Callable[[], Any]], object] = lambda _values, _load: None,
 ) -> Iterator[tuple[list[str], Plain]]:
     """The overrides of each job, and its configuration of plain values.
 
-    A genome, a seed and the like are put into the plain values of what differs in nothing else. validate_shared: is
-    given these values of each configuration, and a function that makes the checked configuration of them. fixed: the
-    overrides that all have.
+    A genome, a seed and the like are put into the plain values of what differs in nothing else. fixed: the overrides
+    that all have.
     """
 
     @functools.cache
     def shared(words: tuple[str, ...]) -> tuple[Plain, bool]:
         """A configuration, and whether something in it refers to a genome, a seed or the like."""
         cfg = composed(command, [*fixed, *words], config_dir)
-        config = plain(cfg)
-        validate_shared(config, functools.partial(typed, cfg, SCHEMAS[command]))
-        return config, bool(_REFERENCE.search(str(OmegaConf.to_container(cfg, resolve=False))))
+        return plain(cfg), bool(_REFERENCE.search(str(OmegaConf.to_container(cfg, resolve=False))))
 
     @functools.cache
     def alone_as_declared(override: str) -> Plain:

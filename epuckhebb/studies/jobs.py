@@ -8,16 +8,16 @@ ends bit-identical to one that was never stopped.
 
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from epuckhebb.config import Checked, Plain, dump, quoted
+from epuckhebb.config import Plain, quoted
 from epuckhebb.runs import hydra
 from epuckhebb.runtime import ConfigError, JobFailedError, counting
-from epuckhebb.store import SCHEMA, UNFINISHED, OwnFile, Run, RunFolder, as_json, set_aside, write_atomic
+from epuckhebb.store import SCHEMA, UNFINISHED, Run, RunFolder, as_json, set_aside, write_atomic
 
 NO_EFFECT = ("threads", "figures")  # keys on which no result depends
 LIST, JOBS = "sweep.json", "jobs"
@@ -65,34 +65,6 @@ class Outcome:
         return {"done_before": self.before, "done_now": now, "failed": failed, "left_out": self.skipped}
 
 
-@contextmanager
-def open_study(
-    folder: Path,
-    command: str,
-    config: Checked | None,
-    arguments: list[str],
-    jobs: Sequence[Job],
-    own: Mapping[Path, OwnFile] | None = None,
-) -> Iterator[RunFolder]:
-    """Work on a study in its folder, and write in its `status.json` how that ends.
-
-    The folder is made if it is missing, and what killed calls left half done is removed. config: None if each job has
-    its own. arguments: what followed the command. jobs: an interruption reports how many are done. own: the user's
-    files, which the folder keeps as copies.
-    """
-    seed = getattr(config, "seed", None)
-    facts = {} if seed is None else {"seed": seed}
-    text = None if config is None else dump(config)
-    with RunFolder.resume(folder, command, text, arguments, facts, own) as study:
-        study.left_behind = lambda: (
-            f"{len(jobs) - len(todo(folder, jobs))} of {len(jobs)} jobs are done; the same command does the rest"
-        )
-        try:
-            yield study
-        except OSError as error:
-            raise ConfigError(f"cannot write to {error.filename or folder}: {error.strerror}") from error
-
-
 def todo(folder: Path, jobs: Sequence[Job]) -> list[Job]:
     """The jobs that have no whole run in the folder yet."""
     return [job for job in jobs if not Run(folder / job.run).is_whole]
@@ -120,7 +92,7 @@ def launch(
 ) -> Outcome:
     """Do the jobs that are not done, on any launcher of Hydra's.
 
-    study: of `open_study`. name: of the study, which every job is given. launcher: the overrides that set it up. do: a
+    study: its folder. name: of the study, which every job is given. launcher: the overrides that set it up. do: a
     function at the top of a module that does one of them. fail_fast: whether to start no job after one has failed.
     """
     folder = study.path

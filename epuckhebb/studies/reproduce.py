@@ -144,7 +144,7 @@ class Reproduction(ChampionStudy):
         """See `Study`."""
         tests = runs[-len(self.planned) :]
         metrics = pd.concat([run.table("metrics.csv") for run in tests], ignore_index=True)
-        return reproduction.tables_of(metrics, _paper(), given=self.given is not None)
+        return reproduction.tables_of(metrics, _paper())
 
     def figures(self, run: Run) -> dict[str, "Figure"]:
         """See `Study`; the champions that are shown run again."""
@@ -175,7 +175,6 @@ class Reproduction(ChampionStudy):
         if self.given:
             who = f"genome {code(self.given.name)} (SHA-256 {self.given.sha256[:16]}…)"
         names = ["claims", "success", "rescue_and_harm", "retention", "comparison"]
-        names += ["repeats"] if self.given else []
         return reproduction.markdown(
             {name: run.table(f"{name}.csv") for name in names},
             _paper(),

@@ -37,7 +37,6 @@ from epuckhebb.studies.jobs import (
     Job,
     Outcome,
     launch,
-    open_study,
     split,
     todo,
 )
@@ -227,13 +226,17 @@ def conduct(planned: Planned, *, fail_fast: bool = False) -> Outcome:
     Raises:
         JobFailedError: A job failed, and the study writes nothing of the others.
     """
-    study = planned.study
-    config = None if study.config_text is None else study
-    with open_study(planned.folder, study.command, config, planned.arguments, planned.jobs, study.own) as folder:
-        for what, jobs in planned.stages:
-            missing = len(todo(folder.path, jobs))
-            say(f"{what}: {len(jobs)} jobs, {len(jobs) - missing} done before, {missing} to do.")
-            outcome = launch(folder, study.reference, jobs, planned.launcher, study_job, fail_fast=fail_fast)
+    study, jobs = planned.study, planned.jobs
+    facts = {"seed": study.seed} if hasattr(study, "seed") else {}
+    own, arguments = study.own, planned.arguments
+    with RunFolder.resume(planned.folder, study.command, study.config_text, arguments, facts, own) as folder:
+        folder.left_behind = lambda: (
+            f"{len(jobs) - len(todo(folder.path, jobs))} of {len(jobs)} jobs are done; the same command does the rest"
+        )
+        for what, stage in planned.stages:
+            missing = len(todo(folder.path, stage))
+            say(f"{what}: {len(stage)} jobs, {len(stage) - missing} done before, {missing} to do.")
+            outcome = launch(folder, study.reference, stage, planned.launcher, study_job, fail_fast=fail_fast)
             if outcome.failures and not study.reports_failures:
                 raise JobFailedError(f"{what}: {planned.failure(outcome)}")
         study.report(folder, planned, outcome)

@@ -5,6 +5,7 @@ folder of that name is its result. The folder of a sweep is named by its jobs, s
 """
 
 import csv
+import functools
 import io
 import itertools
 from collections.abc import Callable, Mapping, Sequence
@@ -24,37 +25,37 @@ from epuckhebb.config import (
     check_words,
     configurations,
     from_values,
+    own_sources,
     swept_values,
 )
-from epuckhebb.runs import evaluate_into, hydra
+from epuckhebb.controller.ranges import check_values
+from epuckhebb.runs import evaluate_into, hydra, prepare_evaluation
 from epuckhebb.runtime import ConfigError, say
-from epuckhebb.store import Run, RunFolder, as_bytes, digest, write_atomic
-from epuckhebb.studies import identity
-from epuckhebb.studies.jobs import Job, Outcome, split
+from epuckhebb.store import Genome, Run, RunFolder, as_bytes, digest, fingerprint, load_genome, write_atomic
+from epuckhebb.studies.jobs import NO_EFFECT, Job, Outcome, split
 from epuckhebb.studies.study import Planned, Study, prepare
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_JOB_S, _STEP_S = 0.3, 1e-6  # CPU time of a job besides its lifetimes, and of a step of a robot: docs/scale.md
-_STEP_IN_3D_S = 21e-6  # docs/ode.md
+_APART = ("seed", "repeats", "threads", "genome")  # keys that are checked by themselves
 
 
 class Sweep(Study):
-    """A named sweep, whose jobs are evaluations. cpu_s: about how long each run takes on one core [s]."""
+    """A named sweep, whose jobs are evaluations."""
 
     reference: ClassVar[str] = "sweep"
     reports_failures: ClassVar[bool] = True
     result: ClassVar[str] = "summary.csv"
     config_text = None
 
-    def __init__(self, name: str, jobs: list[Job], cpu_s: dict[str, float]) -> None:
-        self.name, self.jobs, self.cpu_s = name, jobs, cpu_s
+    def __init__(self, name: str, jobs: list[Job]) -> None:
+        self.name, self.jobs = name, jobs
 
     @classmethod
     def name_of(cls, job: Plain) -> str:
         """See `Study`."""
-        return identity.Identities().of(job)
+        return Identities().of(job)
 
     @classmethod
     def work(cls, path: Path, job: Plain, facts: dict[str, Any]) -> None:
@@ -65,7 +66,7 @@ class Sweep(Study):
     @classmethod
     def stored(cls, run: Run) -> "Sweep":  # noqa: ARG003  # others need it
         """See `Study`."""
-        return cls("", [], {})
+        return cls("", [])
 
     @property
     def own(self) -> Mapping[Path, OwnFile]:
@@ -78,7 +79,7 @@ class Sweep(Study):
 
     def folder(self, jobs: Sequence[Job]) -> Path:
         """See `Study`."""
-        settings = digest([digest(identity.settings(job.config)) for job in jobs])
+        settings = digest([digest(_without(job.config, NO_EFFECT)) for job in jobs])
         return Path("runs") / "sweep" / f"{self.name}_{settings[:8]}"
 
     def report(self, folder: RunFolder, planned: Planned, outcome: Outcome) -> None:
@@ -117,18 +118,44 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Plan
         raise ConfigError(f"experiment={name} has no hydra.sweeper.params: it is one job, for `epuckhebb evaluate`")
     choices = alternatives([*(f"{key}={values}" for key, values in params.items()), *own])
     listed: dict[str, Job] = {}
-    identities, cpu_s, again = identity.Identities(), dict[str, float](), 0
-    combinations = itertools.product(*choices.values())
-    for overrides, config in configurations("evaluate", named, combinations, config_dir, identities.validate_shared):
+    identities, again = Identities(), 0
+    for overrides, config in configurations("evaluate", named, itertools.product(*choices.values()), config_dir):
         run = identities.of(config)
-        steps, in_plane = identities.robot_steps(config)
-        cpu_s[run] = _JOB_S + (_STEP_S if in_plane else _STEP_IN_3D_S) * steps
         job = Job(number=len(listed), overrides=[*named, *overrides], run=run, config=config)
         again += listed.setdefault(run, job) is not job
     if again:
         say(repeated(again))
     typed = [name, *arguments, *(["--config-dir", config_dir] if config_dir else [])]
-    return prepare(Sweep(name, list(listed.values()), cpu_s), of_hydra, typed)
+    return prepare(Sweep(name, list(listed.values())), of_hydra, typed)
+
+
+class Identities:
+    """Names the runs of configurations, and checks these; what many share is checked once."""
+
+    def __init__(self) -> None:
+        self._shared: dict[str, EvaluateConfig] = {}
+        self._genomes: dict[tuple[str, str], Genome] = {}
+        self._load_genome = functools.cache(load_genome)
+
+    def of(self, config: Plain) -> str:
+        """The name of the run of a configuration, from all that its results depend on at this moment."""
+        try:
+            check_values(EvaluateConfig, config)
+        except ValueError as error:
+            raise ConfigError(str(error)) from error
+        shared = digest(_without(config, _APART))
+        if shared not in self._shared:
+            self._shared[shared] = from_values(config, EvaluateConfig, "a job")
+        key = shared, config["genome"]
+        if key not in self._genomes:
+            job = self._shared[shared]
+            genome = self._load_genome(config["genome"], job.world.experiment, job.shape)
+            self._genomes[key] = prepare_evaluation(job, genome).genome
+        return f"job_{fingerprint(_without(config, NO_EFFECT), self._genomes[key], own_sources(config))}"
+
+
+def _without(config: Plain, keys: Sequence[str]) -> Plain:
+    return {key: value for key, value in config.items() if key not in keys}
 
 
 def write_summary_of_multirun(folder: Path, finished: Sequence[Path]) -> None:
