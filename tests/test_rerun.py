@@ -90,7 +90,6 @@ def test_what_differs_is_named(run):
 def test_an_evolution_that_was_resumed_is_repeated_whole():
     call(*EVOLVE, "hydra.run.dir=run")
     done("evolve", "resume=run", "ga.generations=4", "-q")
-    assert "Resumed" in call("show", "run").stdout
     done("rerun", "run", "-q")
 
 

@@ -14,7 +14,6 @@ from epuckhebb.cli.console import print_line
 from epuckhebb.cli.options import (
     Command,
     ConfigDir,
-    ConfiguredCommand,
     DryRun,
     Json,
     Open,
@@ -45,7 +44,7 @@ app = typer.Typer(
 )
 
 
-@app.command(cls=ConfiguredCommand)
+@app.command(cls=Command)
 @takes_options
 def evolve(overrides: Overrides = None, *, options: RunOptions) -> None:
     """Evolve a controller."""
@@ -64,7 +63,7 @@ def evolve(overrides: Overrides = None, *, options: RunOptions) -> None:
     run_command("evolve", evolve_job, check, words, options)
 
 
-@app.command(cls=ConfiguredCommand)
+@app.command(cls=Command)
 @takes_options
 def evaluate(overrides: Overrides = None, *, options: RunOptions) -> None:
     """A genome's lifetimes with and without plasticity."""
@@ -117,7 +116,7 @@ def figure(
     typer.echo(draw(run, name, kind, width, output) if name else "\n".join(names(run)))
 
 
-@app.command(cls=ConfiguredCommand)
+@app.command(cls=Command)
 def play(
     overrides: Overrides = None,
     side: Annotated[str, typer.Option("--side", metavar="left|right", help="The side of the goal.")] = "left",
@@ -143,7 +142,7 @@ def play(
         live.wait()
 
 
-@app.command(cls=ConfiguredCommand)
+@app.command(cls=Command)
 @takes_options
 def reproduce(
     words: Annotated[list[str] | None, experiment_argument()] = None,
@@ -158,7 +157,7 @@ def reproduce(
     run_study(plan(experiment, overrides, quick=quick), options)
 
 
-@app.command(cls=ConfiguredCommand)
+@app.command(cls=Command)
 @takes_options
 def leaderboard(
     words: Annotated[list[str] | None, experiment_argument("reversal")] = None,
@@ -178,7 +177,7 @@ def leaderboard(
     run_study(planned, options, dry_run=dry_run)
 
 
-@app.command(cls=ConfiguredCommand)
+@app.command(cls=Command)
 @takes_options
 def flock(
     overrides: Overrides = None,
@@ -194,7 +193,7 @@ def flock(
     run_study(plan(overrides or [], quick=quick, config_dir=options.config_dir), options)
 
 
-@app.command(cls=ConfiguredCommand)
+@app.command(cls=Command)
 @takes_options
 def sweep(
     name: Annotated[str, typer.Argument(metavar="NAME", hidden=True, autocompletion=completion.complete_sweep)],

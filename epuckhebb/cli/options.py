@@ -5,9 +5,8 @@ import inspect
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 from rich.console import Console
@@ -16,7 +15,7 @@ from typer.core import TyperCommand
 from epuckhebb.cli import completion
 from epuckhebb.cli.console import Terminal
 from epuckhebb.cli.output import json_text, report_errors
-from epuckhebb.runtime import LATEST, REFERENCE, be_quiet, conf
+from epuckhebb.runtime import LATEST, REFERENCE, be_quiet
 
 _FROM_TO = re.compile(rf"{REFERENCE}_(\d+),\.\.\.,{REFERENCE}_(\d+)")
 
@@ -36,20 +35,6 @@ class Command(TyperCommand):
         with formatter.section("Examples"):
             for example in _EXAMPLES[command]:
                 formatter.write(f"  epuckhebb {command} {example}".rstrip() + "\n")
-
-
-class ConfiguredCommand(Command):
-    """A command that takes `key=value`; its help names the configuration groups, and the sweeps."""
-
-    def format_epilog(self, ctx: Any, formatter: Any) -> None:
-        """Write the names below the options."""
-        groups = dict(conf.groups(str(ctx.info_name)))
-        sweeps = groups.pop("experiment", [])
-        if ctx.info_name == "sweep":
-            with formatter.section("Names, beside those of your own"):
-                formatter.write_text(", ".join(sweeps))
-        with formatter.section("Groups (GROUP=CHOICE, GROUP.KEY=VALUE; epuckhebb keys GROUP lists both)"):
-            formatter.write_text(", ".join(groups))
 
 
 _EXAMPLES = {
@@ -99,16 +84,9 @@ Run = Annotated[
 Multirun = Annotated[bool, typer.Option("--multirun", "-m", help="Run every combination of comma-separated values.")]
 
 
-class Shown(StrEnum):
-    """The part of a configuration that `--cfg` shows."""
-
-    job = "job"
-    hydra = "hydra"
-    all = "all"
-
-
 Cfg = Annotated[
-    Shown | None, typer.Option("--cfg", "-c", metavar="job|hydra|all", help="Show the configuration, run nothing.")
+    Literal["job", "hydra", "all"] | None,
+    typer.Option("--cfg", "-c", metavar="job|hydra|all", help="Show the configuration, run nothing."),
 ]
 ConfigDir = Annotated[
     str | None,

@@ -91,11 +91,6 @@ class Run:
         return (self.path / name).is_file() or name in self._sha256
 
     @property
-    def lost(self) -> list[str]:
-        """The files that the run had written when it ended, and that are gone."""
-        return [name for name in self._sha256 if not (self.path / name).is_file()]
-
-    @property
     def is_whole(self) -> bool:
         """Whether the run is finished and its results are as they were then: not cut, changed or lost."""
         results = {name: sha256 for name, sha256 in self._sha256.items() if name.endswith(_RESULTS)}
