@@ -106,7 +106,7 @@ def evaluate(
     prepared = prepare_evaluation(config, loaded)
     say_unusual(config)
     threads = thread_count(config.threads)
-    rows, recorded = prepared.run(prepared.remember(threads, say), threads)
+    rows, recorded = prepared.run(prepared.remember(threads), threads)
     return Evaluation(
         metrics=pd.DataFrame(rows),
         config=config,
