@@ -19,9 +19,8 @@ if TYPE_CHECKING:
 _LISTED = 20  # jobs of a study that is not run
 
 
-def print_evaluation(path: Path, console: Console) -> None:
+def print_evaluation(run: Run, console: Console) -> None:
     """Print the paper's table of a run, or the rewarded share of each controller, and what belongs to it."""
-    run = Run(path)
     metrics, below = run.rows("metrics.csv"), run.provenance.get("notes", [])
     if run.has("reversal.csv"):
         rows: list[tuple[str, ...]] = []
@@ -43,9 +42,9 @@ def print_evaluation(path: Path, console: Console) -> None:
         console.print(Text(note))
 
 
-def print_evolution(path: Path, console: Console) -> None:
+def print_evolution(run: Run, console: Console) -> None:
     """Print how fitness rose."""
-    history = Run(path).rows("history.csv")
+    history = run.rows("history.csv")
     first, last = history[0], history[-1]
     best = f"best fitness {first['best_fitness']:.3f} → {last['best_fitness']:.3f}"
     mean = f"mean {first['mean_fitness']:.3f} → {last['mean_fitness']:.3f}"
@@ -86,9 +85,9 @@ def print_results(path: Path, console: Console) -> None:
     elif run.provenance["command"] == "sweep":  # a job of a user's study, whose tables may have any columns
         pass
     elif run.has("metrics.csv"):
-        print_evaluation(path, console)
+        print_evaluation(run, console)
     elif run.has("history.csv"):
-        print_evolution(path, console)
+        print_evolution(run, console)
     if run.has("report.html"):
         print_line(console, f"Report: {path}/report.html")
 

@@ -2,6 +2,7 @@
 
 import io
 from contextlib import suppress
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +23,7 @@ _TEXTS = (
 
 
 class Run:
-    """A run folder. Every property and method reads the files as they are now.
+    """A run folder. Every property and method reads the files as they are now, but checksums only once.
 
     What cannot be read raises `ConfigError`, and so does a folder of another version of this program. Only
     `recorded_status`, `has` and `is_whole` answer in any case.
@@ -47,7 +48,7 @@ class Run:
             status |= {"state": "interrupted", "error": "its process ended unexpectedly"}
         return status
 
-    @property
+    @cached_property
     def recorded_status(self) -> dict[str, Any]:
         """The status that the run wrote down; nothing if it cannot be read."""
         return _json(self.path / STATUS)
