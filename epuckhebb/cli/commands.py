@@ -79,18 +79,15 @@ def replay(
         Path | None, typer.Option("--output", "-o", metavar="FILE", help="The page.  [RUN/replay.html]")
     ] = None,
     gif: Annotated[Path | None, typer.Option("--gif", metavar="FILE", help="Write a GIF, for slides.")] = None,
-    mp4: Annotated[
-        Path | None, typer.Option("--mp4", metavar="FILE", help='Write a film; needs "epuckhebb[video]".')
-    ] = None,
     open_page: Open = False,
 ) -> None:
-    """A page, or a film, to watch lifetimes or a flock."""
+    """A page, or a GIF, to watch lifetimes or a flock."""
     from epuckhebb.export.replay import replay as write_replay
     from epuckhebb.store import resolve_run
 
     run = resolve_run(run, "evaluate", "flock")
     page = output or (run / "replay.html" if open_page else None)
-    files = write_replay(run, page, gif, mp4)
+    files = write_replay(run, page, gif)
     typer.echo("\n".join(map(str, files)))
     if open_page:
         open_in_browser(files[0])
