@@ -9,7 +9,7 @@ from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.config import hand
 from epuckhebb.config.parts import GENETIC, NONE, PAPER, part_class, part_from, part_names
 from epuckhebb.config.parts_from_yaml import maze_from, robot_from
-from epuckhebb.config.values import part_settings, row
+from epuckhebb.config.values import converted, part_settings
 from epuckhebb.controller.network import HIDDEN, Network
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.plasticity.rule import NO_RULE, NoRule, Reward, Rule, receives_reward
@@ -19,7 +19,7 @@ from epuckhebb.evolution.optimizer import Algorithm
 from epuckhebb.runtime import ConfigError
 from epuckhebb.tmaze.individual import CONTROLS, GA, HEBBIAN, Controller
 from epuckhebb.tmaze.lifetime_kernel import check_inputs
-from epuckhebb.tmaze.maze import SIDES, Maze, Place, Pose, Side
+from epuckhebb.tmaze.maze import Place, Pose, Side
 from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.robot import OUTPUTS
@@ -148,17 +148,15 @@ def scenario_from(
     in_maze, of_kind = maze_from(maze), robot_from(robot)
     start = values.pop("start")
     if start is not None:
-        x, y, heading_deg = row("scenario.start", start, ("x", "y", "heading_deg"))
+        x, y, heading_deg = converted("scenario.start", start, tuple[float, float, float])
         in_maze = replace(in_maze, start=Pose(x, y, math.radians(heading_deg)))
-    for number, change in enumerate(values["changes"]):
-        if not isinstance(change, Mapping):
-            raise ConfigError(f"scenario.changes[{number}] must be as {{at_s: 60, light: 1.0}}, got {change}")
-    values["changes"] = tuple(map(dict, values["changes"]))
+    values["changes"] = converted("scenario.changes", values["changes"], tuple[dict[str, Any], ...])
     values["hand"] = () if values["hand"] is None else hand.read(values["hand"])
     if isinstance(values["dead_sensors"], list):
         values["dead_sensors"] = tuple(values["dead_sensors"])
     if values["goals"] is not None:
-        goals = _goals(values["goals"], in_maze)
+        given = converted("scenario.goals", values["goals"], dict[Side, Place | None])
+        goals = in_maze.goals | {side: place for side, place in given.items() if place}
         values["goals"] = None if goals == in_maze.goals else goals
     return Scenario(
         **values,
@@ -168,14 +166,6 @@ def scenario_from(
         fitness=PAPER_FITNESS if fitness is None else part_from("fitness", fitness, "fitness"),
         physics=PYMUNK if physics is None else part_from("physics", physics, "physics"),
     )
-
-
-def _goals(given: Any, maze: Maze) -> dict[Side, Place]:
-    """Goals of both sides; a side that is left out keeps the maze's."""
-    if not isinstance(given, Mapping) or not set(given) <= set(SIDES):
-        raise ConfigError(f"scenario.goals must be {{left: [x, y], right: [x, y]}} in m, got {given}")
-    places = ((side, given[side]) for side in SIDES if given.get(side) is not None)
-    return {**maze.goals, **{side: Place(*row(f"scenario.goals.{side}", at, Place._fields)) for side, at in places}}
 
 
 def check_library(world: Scenario) -> None:

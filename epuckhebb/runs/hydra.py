@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 import hydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
-from hydra.plugins.sweeper import Sweeper
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, flag_override
 from omegaconf.errors import OmegaConfBaseException
@@ -34,7 +33,7 @@ from epuckhebb.config import (
     with_names_compared,
     world_name,
 )
-from epuckhebb.config.catalogue import IS_HYDRA_1_4, USERS, VERSION_BASE, catalogue, choices_of, register
+from epuckhebb.config.catalogue import USERS, VERSION_BASE, catalogue, choices_of
 from epuckhebb.config.compose import composed_with_hydra
 from epuckhebb.config.resolve import resolve
 from epuckhebb.runtime import ConfigError, JobFailedError, data_folder, exit_with_parent, path_of, thread_count
@@ -178,8 +177,7 @@ def _with_own_files_found(argument: str) -> str:
 
 def call(command: str, task: Callable[[Any], None], arguments: list[str], config_dir: str | None = None) -> None:
     """Call Hydra as its own command line would; see `run`. task: is given each configuration that Hydra composed."""
-    options: dict[str, Any] = {"execution_whitelist": ("epuckhebb.*",)} if IS_HYDRA_1_4 else VERSION_BASE
-    entry = hydra.main(config_path=str(data_folder("conf")), config_name=command, **options)(task)
+    entry = hydra.main(config_path=str(data_folder("conf")), config_name=command, version_base=VERSION_BASE)(task)
     workers = _workers_of_ours() if "--multirun" in arguments else nullcontext()
     with catalogue(command, config_dir), _as_command_line(command, arguments), workers:
         try:
@@ -190,16 +188,6 @@ def call(command: str, task: Callable[[Any], None], arguments: list[str], config
             if "--multirun" not in arguments or isinstance(error, HydraException | OmegaConfBaseException):
                 raise ConfigError(explain(error)) from error
             raise JobFailedError(f"the launcher stopped: {type(error).__name__}: {error}") from error  # not a job
-
-
-def call_many(command: str, task: Callable[[Any], None], arguments: list[str]) -> None:
-    """Call Hydra for jobs that have their configurations already: it does not compose them before the first begins."""
-    validate = Sweeper.validate_batch_is_legal
-    setattr(Sweeper, validate.__name__, lambda *_: None)
-    try:
-        call(command, task, arguments)
-    finally:
-        setattr(Sweeper, validate.__name__, validate)
 
 
 def new_stamp() -> str:
@@ -259,5 +247,7 @@ def _begin(parent: int, folder: str) -> None:
     exit_with_parent(parent)
 
 
-register("epuckhebb.world", lambda *, _root_: world_name(_root_.scenario.name, _root_.changed), replace=True)
-register("epuckhebb.stamp", new_stamp, replace=True)
+OmegaConf.register_new_resolver(
+    "epuckhebb.world", lambda *, _root_: world_name(_root_.scenario.name, _root_.changed), replace=True
+)
+OmegaConf.register_new_resolver("epuckhebb.stamp", new_stamp, replace=True)
