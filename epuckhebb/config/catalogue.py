@@ -30,7 +30,6 @@ USERS = "command-line"  # who brings the user's folder, as Hydra names it for it
 NULL = "None"  # the choice of a group of which none was made
 BROUGHT = ("maze", "physics")  # groups of which a change of the world may name another choice
 BRIGHT, DIM = 1.0, 0.1  # the light of the two experiments
-_MOST_FILES = 1000  # in the user's folder
 _stored: list[ConfigStore] = []  # the store, if it has the program's rows and no user's
 
 
@@ -134,7 +133,7 @@ def _store(command: str, folder: Path | None) -> None:
 
 def _files(folder: Path, group: str) -> Iterator[Path]:
     """The files of a group in the user's folder."""
-    return itertools.islice(sorted((folder / group).glob("*.yaml")), _MOST_FILES)
+    yield from sorted((folder / group).glob("*.yaml"))
 
 
 def _refuse_environment(*_: Any, _node_: Any) -> None:

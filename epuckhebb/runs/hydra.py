@@ -2,7 +2,6 @@
 
 import functools
 import os
-import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
@@ -19,14 +18,12 @@ from omegaconf import DictConfig, OmegaConf, flag_override
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config import (
-    KINDS,
     SCHEMAS,
     SWEEP_DIR,
     alternatives,
     configurations,
     explain,
     from_values,
-    quoted,
     swept_values,
     typed,
     value_of,
@@ -36,10 +33,9 @@ from epuckhebb.config import (
 from epuckhebb.config.catalogue import USERS, VERSION_BASE, catalogue, choices_of
 from epuckhebb.config.compose import composed_with_hydra
 from epuckhebb.config.resolve import resolve
-from epuckhebb.runtime import ConfigError, JobFailedError, data_folder, exit_with_parent, path_of, thread_count
+from epuckhebb.runtime import ConfigError, JobFailedError, data_folder, exit_with_parent, thread_count
 from epuckhebb.store import check_folder_of_multirun, of_multirun
 
-_SENSOR = re.compile(r"(sensor: *)([^\s,}:]+\.py)(?=:)")  # the file of a sensor of the user's own
 _CHECKED_IN_FULL = 20  # a longer list of values is checked at its two ends
 _RUN_DIR = "hydra.run.dir"
 _FULL_ERROR = "HYDRA_FULL_ERROR"  # environment variable: Hydra raises errors in place of printing them
@@ -101,7 +97,7 @@ def run(command: str, job: Callable[[Job], None], arguments: list[str], config_d
 
     Returns the folders of the runs, in the order of the jobs. config_dir: a folder with more configuration files.
     """
-    arguments = [with_names_compared(_with_own_files_found(argument)) for argument in arguments]
+    arguments = list(map(with_names_compared, arguments))
     if not any(argument.startswith("-") for argument in arguments):
         return [_run_one(command, job, arguments, config_dir)]
     task = functools.partial(_job_of_hydra, command, job)
@@ -160,19 +156,6 @@ def _job_of_hydra(command: str, job: Callable[[Job], None], cfg: DictConfig) -> 
                     break
                 folder.rmdir()
         raise
-
-
-def _with_own_files_found(argument: str) -> str:
-    """An override in which the user's files have absolute paths: a worker may start in another folder."""
-    key = argument.partition("=")[0]
-    if key == "robot.sensors":
-        return _SENSOR.sub(lambda found: f"{found[1]}{path_of(found[2], key).absolute()}", argument)
-    if key not in [f"{kind.group}.{kind.key}" for kind in KINDS.values()] or ":" not in argument:
-        return argument
-    (choices,) = alternatives([argument]).values()
-    named = [value_of(choice).rpartition(":") for choice in choices]
-    found = [f"{path_of(file, key).absolute()}:{name}" if file else name for file, _, name in named]
-    return f"{key}={','.join(map(quoted, found))}"
 
 
 def call(command: str, task: Callable[[Any], None], arguments: list[str], config_dir: str | None = None) -> None:
