@@ -54,10 +54,6 @@ def test_a_result_has_tables_traces_a_picture_and_a_page(here):
     shown = re.search(r'srcdoc="([^"]*)"', page._repr_html_())[1]
     assert html.unescape(shown) == page.text
     assert list(here.iterdir()) == []
-    assert page.save("own/page.html").read_text(encoding="utf-8") == page.text
-    assert result.plot().save("path.pdf").read_bytes().startswith(b"%PDF")
-    with pytest.raises(ValueError, match=r"one of png, svg, pdf, got path\.bmp"):
-        result.plot().save("path.bmp")
 
 
 def test_a_sweep_is_one_table_the_same_each_time(capfd):
@@ -110,9 +106,8 @@ def test_both_bundled_champions_load():
         (lambda: epuckhebb.evaluate("scenario=base"), "genome=scenario=base does not exist"),
         (lambda: epuckhebb.evaluate("reference", scenario=["base", "lowlight"]), "scenario must be one"),
         (lambda: epuckhebb.evolve("reference"), "overrides are texts such as"),
-        (lambda: epuckhebb.sweep("reference", over=["hebbian.N"]), "over must be keys with their values"),
-        (lambda: epuckhebb.sweep("reference", over={"seed": 3}), "seed must have a list of values"),
-        (lambda: epuckhebb.sweep("reference", over={"seed": [3]}, seed=1), "seed is given twice"),
+        (lambda: epuckhebb.sweep("reference", over=["hebbian.N"]), "over must be keys with lists"),
+        (lambda: epuckhebb.sweep("reference", over={"seed": 3}), "over must be keys with lists"),
     ],
 )
 def test_mistakes_are_value_errors_that_say_what_is_wrong(call, message):

@@ -17,7 +17,6 @@ from typer.main import get_command
 from epuckhebb.analysis.evaluate import COLUMNS
 from epuckhebb.cli.commands import app
 from epuckhebb.runs import evolve
-from epuckhebb.runtime import conf
 
 FAST = ["lifetime.duration_s=8", "lifetime.record_every=0", "repeats=2"]
 TINY = ["ga.population=6", "ga.generations=3", "ga.elites=2", "ga.loops=1", "lifetime.duration_s=3"]
@@ -120,9 +119,6 @@ def test_help_fits_one_screen_and_begins_with_examples(command, monkeypatch):
     examples, options = lines.index("Examples:"), lines.index("Options:")
     assert 0 < examples < options
     assert all(line.startswith(f"  epuckhebb {command}") for line in lines[examples + 1 : options] if line[2:3] == "e")
-    if command in ("evolve", "evaluate", "sweep", "play", "reproduce", "leaderboard"):
-        named = " ".join(lines[options:]).replace(",", "").split()
-        assert set(conf.groups(command)) - {"experiment"} <= set(named)
 
 
 def test_help_imports_nothing_heavy():

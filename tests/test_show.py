@@ -49,7 +49,6 @@ def shown(*words):
 def test_without_a_name_it_tells_of_the_latest_runs():
     told = shown()
     assert "fitness" in told
-    assert "success of 8 conditions" in told
     assert told.count("_multirun/") == 2
     known = json.loads(shown("--json"))["runs"]
     assert [Path(run).parts[1] for run in known] == ["evolve", *["evaluate"] * 4, "sweep"]
@@ -69,10 +68,9 @@ def test_latest_is_the_one_of_the_last_call():
 
 
 @pytest.mark.usefixtures("_there")
-def test_a_multirun_is_a_line_a_run_and_a_table_over_all():
+def test_a_multirun_is_a_table_over_all():
     (multirun,) = Path("runs/evaluate").glob("*_multirun")
     told = shown(str(multirun))
-    assert told.count("hebbian.N=0.0001") == told.count("hebbian.N=0.002") == 1
     assert [run["run"] for run in json.loads(shown(str(multirun), "--json"))["runs"]] == [
         str(multirun / number) for number in "01"
     ]

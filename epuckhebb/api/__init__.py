@@ -31,7 +31,6 @@ from epuckhebb.config import load as load_config
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.plasticity.rule import NoRule, Rule
 from epuckhebb.evolution.evolve import history_row
-from epuckhebb.live.server import Play
 from epuckhebb.runs import prepare_evaluation, prepare_evolution
 from epuckhebb.runtime import ConfigError, bar, be_quiet, say, thread_count
 from epuckhebb.store import Genome, checked_genes, load_genome, resolve_run
@@ -105,7 +104,7 @@ def evaluate(
         )
     prepared = prepare_evaluation(config, loaded)
     threads = thread_count(config.threads)
-    rows, recorded = prepared.run(prepared.remember(threads, say), threads)
+    rows, recorded = prepared.run(prepared.remember(threads), threads)
     return Evaluation(
         metrics=pd.DataFrame(rows),
         config=config,
@@ -151,18 +150,20 @@ def play(
         keys: Settings as keywords.
 
     Returns:
-        The live world: `.address` of its page, `.open()` it in a new tab, `.close()` ends it. Runs that the page saves
+        The live world: `.address` of its page, `.close()` ends it. Runs that the page saves
         are in `runs/evaluate/`.
     """
     folder, path = _folder(config_dir), resolve_run(genome, "evolve")
     words = [f"genome={quoted(str(path))}", *overrides_of(overrides, keys)]
-    return Live(Play(words, side, folder))
+    live = Live(words, side, folder)
+    live.__enter__()
+    return live
 
 
 def sweep(
     genome: Genes | Evolution | str | Path = "reference",
     *overrides: str,
-    over: Mapping[str, Sequence[Any]] | None = None,
+    over: Mapping[str, Sequence[Any]],
     config_dir: str | Path | None = None,
     progress: bool = True,
     **keys: Any,
@@ -173,7 +174,7 @@ def sweep(
         genome: As for `evaluate`.
         overrides: As for `evaluate`.
         over: For each key its values, for example `{"scenario": ["base", "lowlight"], "hebbian.N": [0.0002, 0.002]}`;
-            it must be given. `genome`, `seed` and objects, as `{"hebbian": [Hebbian(N=0.001), MyRule(N=0.001)]}`, too.
+            `genome`, `seed` and objects, as `{"hebbian": [Hebbian(N=0.001), MyRule(N=0.001)]}`, too.
         config_dir: As for `evaluate`.
         progress: Whether to show how far it is: a bar.
         keys: Settings that all have in common; the same `seed` gives the same numbers.
@@ -182,21 +183,17 @@ def sweep(
         A row a lifetime, each of them once, with the columns of `metrics.csv`. Before them is a column for each key of
         `over` that `metrics.csv` has no column for; it says `any` for the GA if the key is one of plasticity.
     """
-    if not isinstance(over, Mapping) or not over:
-        raise ConfigError(f"over must be keys with their values, as {{'hebbian.N': [0.0002, 0.002]}}, got {over!r}")
-    for key, values in over.items():
-        if isinstance(values, str) or not isinstance(values, Sequence | np.ndarray) or not len(values):
-            raise ConfigError(f"over: {key} must have a list of values, got {values!r}")
-        if key in keys:
-            raise ConfigError(f"{key} is given twice, in `over` and by itself")
+    lists = over.values() if isinstance(over, Mapping) else []
+    if not lists or not all(isinstance(values, list | tuple | np.ndarray) and len(values) for values in lists):
+        raise ConfigError(f"over must be keys with lists of values, as {{'hebbian.N': [0.0002, 0.002]}}, got {over!r}")
     be_quiet(not progress)
     jobs = [dict(zip(over, values, strict=True)) for values in itertools.product(*over.values())]
     evaluations = []
     with bar("job", len(jobs)) as shown:
         for job in jobs:
             settings = {key: _label(key, value) for key, value in job.items()}
-            quick = {"lifetime.record_every": 0, **keys, **job}
-            result = evaluate(quick.pop("genome", genome), *overrides, config_dir=config_dir, progress=False, **quick)
+            own = {"lifetime.record_every": 0, **keys, **job}
+            result = evaluate(own.pop("genome", genome), *overrides, config_dir=config_dir, progress=False, **own)
             sha256, ids = result.genome.sha256, result.lifetime_ids
             evaluations.append(Evaluated(settings=settings, sha256=sha256, ids=ids, rows=result.metrics))
             shown.update()

@@ -14,7 +14,6 @@ from epuckhebb.cli.console import print_line
 from epuckhebb.cli.options import (
     Command,
     ConfigDir,
-    ConfiguredCommand,
     DryRun,
     Json,
     Open,
@@ -45,7 +44,7 @@ app = typer.Typer(
 )
 
 
-@app.command(cls=ConfiguredCommand)
+@app.command(cls=Command)
 @takes_options
 def evolve(overrides: Overrides = None, *, options: RunOptions) -> None:
     """Evolve a controller."""
@@ -64,7 +63,7 @@ def evolve(overrides: Overrides = None, *, options: RunOptions) -> None:
     run_command("evolve", evolve_job, check, words, options)
 
 
-@app.command(cls=ConfiguredCommand)
+@app.command(cls=Command)
 @takes_options
 def evaluate(overrides: Overrides = None, *, options: RunOptions) -> None:
     """A genome's lifetimes with and without plasticity."""
@@ -80,18 +79,15 @@ def replay(
         Path | None, typer.Option("--output", "-o", metavar="FILE", help="The page.  [RUN/replay.html]")
     ] = None,
     gif: Annotated[Path | None, typer.Option("--gif", metavar="FILE", help="Write a GIF, for slides.")] = None,
-    mp4: Annotated[
-        Path | None, typer.Option("--mp4", metavar="FILE", help='Write a film; needs "epuckhebb[video]".')
-    ] = None,
     open_page: Open = False,
 ) -> None:
-    """A page, or a film, to watch lifetimes or a flock."""
+    """A page, or a GIF, to watch lifetimes or a flock."""
     from epuckhebb.export.replay import replay as write_replay
     from epuckhebb.store import resolve_run
 
     run = resolve_run(run, "evaluate", "flock")
     page = output or (run / "replay.html" if open_page else None)
-    files = write_replay(run, page, gif, mp4)
+    files = write_replay(run, page, gif)
     typer.echo("\n".join(map(str, files)))
     if open_page:
         open_in_browser(files[0])
@@ -117,7 +113,7 @@ def figure(
     typer.echo(draw(run, name, kind, width, output) if name else "\n".join(names(run)))
 
 
-@app.command(cls=ConfiguredCommand)
+@app.command(cls=Command)
 def play(
     overrides: Overrides = None,
     side: Annotated[str, typer.Option("--side", metavar="left|right", help="The side of the goal.")] = "left",
@@ -143,7 +139,7 @@ def play(
         live.wait()
 
 
-@app.command(cls=ConfiguredCommand)
+@app.command(cls=Command)
 @takes_options
 def reproduce(
     words: Annotated[list[str] | None, experiment_argument()] = None,
@@ -158,7 +154,7 @@ def reproduce(
     run_study(plan(experiment, overrides, quick=quick), options)
 
 
-@app.command(cls=ConfiguredCommand)
+@app.command(cls=Command)
 @takes_options
 def leaderboard(
     words: Annotated[list[str] | None, experiment_argument("reversal")] = None,
@@ -178,7 +174,7 @@ def leaderboard(
     run_study(planned, options, dry_run=dry_run)
 
 
-@app.command(cls=ConfiguredCommand)
+@app.command(cls=Command)
 @takes_options
 def flock(
     overrides: Overrides = None,
@@ -194,7 +190,7 @@ def flock(
     run_study(plan(overrides or [], quick=quick, config_dir=options.config_dir), options)
 
 
-@app.command(cls=ConfiguredCommand)
+@app.command(cls=Command)
 @takes_options
 def sweep(
     name: Annotated[str, typer.Argument(metavar="NAME", hidden=True, autocompletion=completion.complete_sweep)],

@@ -1,7 +1,6 @@
 """Turns errors into one message and an exit code, and writes JSON."""
 
 import json
-import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -33,9 +32,6 @@ def print_error(message: str) -> None:
 @contextmanager
 def report_errors() -> Iterator[None]:
     """Turn errors into one message and an exit code."""
-    if os.environ.get("NUMBA_DISABLE_JIT", "0") != "0":
-        print_error("NUMBA_DISABLE_JIT is set, and without compiled code there is no physics; unset it")
-        raise typer.Exit(USAGE)
     message, code = "", USAGE
     try:
         with interruptible():

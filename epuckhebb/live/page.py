@@ -33,9 +33,8 @@ def facts(engine: Engine) -> dict[str, Any]:
     """What stays as it is in a lifetime."""
     world = engine.world
     scenario, network = world.config.world, world.genome.network
-    changes = [controller.rule.N > 0 or controller.adaptation.homeostasis for controller in world.controllers]
     return {
-        **fixed_facts(scenario, network, world.lifetime.gain_rad_s, [one.name for one in world.controllers], changes),
+        **fixed_facts(scenario, network, world.lifetime.gain_rad_s, [one.name for one in world.controllers]),
         "life": engine.life,
         "isLive": True,
         "sides": [world.side],

@@ -15,5 +15,5 @@ from epuckhebb.runs.evaluate import (
     prepare_evaluation,
 )
 from epuckhebb.runs.evolve import evolve_into, evolve_job, new_evolution, prepare_evolution, resume
-from epuckhebb.runs.notes import notes_of, showcase
+from epuckhebb.runs.notes import notes_of
 from epuckhebb.runs.rerun import repeat

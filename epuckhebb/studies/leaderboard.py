@@ -197,13 +197,6 @@ class Leaderboard(ChampionStudy):
             for one, own in table.groupby("experiment", sort=False)
         ]
 
-    @classmethod
-    def in_short(cls, run: Run) -> str:
-        """See `Study`: the best method of each experiment."""
-        methods = run.table("leaderboard.csv").sort_values("success", ascending=False, kind="stable")
-        best = methods.groupby("experiment").first()
-        return ", ".join(f"{row.Index}: {row.method} {row.success:.2f}" for row in best.itertuples())
-
 
 def plan(experiment: str, arguments: list[str], *, quick: bool = False, config_dir: str | None = None) -> Planned:
     """Plan the study.

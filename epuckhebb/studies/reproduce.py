@@ -192,13 +192,6 @@ class Reproduction(ChampionStudy):
         """See `Study`."""
         return [reproduction.claims_table(run.table("claims.csv")).only(0, 1, 2, 3, text=3)]
 
-    @classmethod
-    def in_short(cls, run: Run) -> str:
-        """See `Study`: how many claims hold."""
-        claims = run.table("claims.csv")
-        claims = claims[~claims.verdict.str.startswith("check")]
-        return f"{(claims.verdict == 'holds').sum()} of {len(claims)} claims hold"
-
 
 def plan(experiment: str, arguments: list[str], *, quick: bool = False) -> Planned:
     """Plan the study. experiment: one of `EXPERIMENTS`. arguments: overrides, of the study and of Hydra."""

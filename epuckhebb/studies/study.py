@@ -99,11 +99,6 @@ class Study(Checked):
             for name, frame in frames.items()
         ]
 
-    @classmethod
-    def in_short(cls, run: Run) -> str:
-        """The result in a line."""
-        return f"tables: {', '.join(file.name for file in sorted(run.path.glob('*.csv')))}"
-
     # What follows is for studies of the program.
 
     @classmethod
