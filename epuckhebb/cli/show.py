@@ -91,11 +91,7 @@ def shown_as_json(what: str | None) -> dict[str, Any]:
             "sha256": genome.sha256,
             "experiment": experiment,
             "layers": list(genome.network.layers),
-            "parts": {part.name: part.size for part in genome.plan.parts},
             "robot": genome.robot,
-            "optimizer": genome.optimizer,
-            "training": genome.training,
-            "physics": genome.physics or PYMUNK.name,
         }
         for genome, experiment in genomes_named(what)
     ]

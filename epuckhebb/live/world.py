@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from epuckhebb.analysis.evaluate import individuals_for
-from epuckhebb.config import EvaluateConfig, hand, load, quoted, say_unusual
+from epuckhebb.config import EvaluateConfig, hand, load, quoted
 from epuckhebb.runs import compile_for, evaluate_into, hydra, prepare_evaluation
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Run, write_atomic
@@ -53,7 +53,6 @@ class LiveWorld:
         self.config, self.genome = config, genome = prepared.config, prepared.genome
         if config.scenario.hand is not None:
             raise ConfigError(f"scenario.hand={config.scenario.hand}: play writes such a file; evaluate repeats it")
-        say_unusual(config)
         self.controllers = [GA_ALONE, *config.controllers]
         compile_for(self.controllers, genome.network, config.world)
         self.lifetime = replace(config.lifetime, record_every=1)

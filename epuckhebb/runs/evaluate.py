@@ -1,7 +1,7 @@
 """`epuckhebb evaluate`: runs the lifetimes of a genome in a scenario, and writes them into a run folder."""
 
 import copy
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,19 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from epuckhebb.adaptation.nominal import REPEATS, Nominal, measure_nominal
+from epuckhebb.adaptation.nominal import Nominal, measure_nominal
 from epuckhebb.analysis import tables
 from epuckhebb.analysis.evaluate import Rows, Traces, evaluate
 from epuckhebb.config import (
     EvaluateConfig,
-    brings_physics,
     check_library,
     dump,
     hand,
     own_files,
     part_from,
     part_names,
-    say_unusual,
     usual_physics,
 )
 from epuckhebb.config import training_world as world_of_training
@@ -32,14 +30,14 @@ from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, evolved
 from epuckhebb.controller.wiring import Wiring
 from epuckhebb.runs import hydra
 from epuckhebb.runs.notes import notes_of
-from epuckhebb.runtime import ConfigError, say
+from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Genome, RunFolder, as_npz, check_wiring, digest, load_genome, traces_arrays
 from epuckhebb.tmaze.batch import load_kernel
 from epuckhebb.tmaze.goal_signal import GoalSignal
 from epuckhebb.tmaze.individual import GA_ALONE, Controller
 from epuckhebb.tmaze.own_sensor import reading_names
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
-from epuckhebb.tmaze.scenario import TRAINED, Scenario
+from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.session import LostRobotError
 from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
 
@@ -60,17 +58,14 @@ class PreparedEvaluation:
             return self
         there = copy.copy(self.config)
         ours = self.config.world
-        physics = world.physics if brings_physics(world.name) else ours.physics
+        physics = ours.physics if world.physics == PYMUNK else world.physics
         signal = ours.goal_signal if world.goal_signal == GoalSignal() else world.goal_signal
         there.world = replace(world, fitness=ours.fitness, physics=physics, goal_signal=signal)
         there.lifetime = replace(self.config.lifetime, duration_s=world.paper_duration_s)
         return PreparedEvaluation(config=there, genome=self.genome)
 
-    def remember(self, threads: int, report: Callable[[str], None] = lambda _: None) -> Nominal | None:
-        """Nominal statistics for the adaptations, from the champion's file or measured; None where none needs them.
-
-        report: is given a sentence if they must be measured in the training world first.
-        """
+    def remember(self, threads: int) -> Nominal | None:
+        """Nominal statistics for the adaptations, from the champion's file or measured; None where none needs them."""
         config, genome = self.config, self.genome
         adaptations = [controller.adaptation for controller in config.controllers]
         if not any(one.acts for one in adaptations):
@@ -85,10 +80,6 @@ class PreparedEvaluation:
         gain = config.lifetime.gain_rad_s
         if known is not None and (known.gain_rad_s == gain or not any(one.is_gated for one in adaptations)):
             return known
-        report(
-            f"genome={genome.name} has no nominal statistics at {gain:g} rad/s: it runs {REPEATS} lifetimes a side in "
-            f"{TRAINED[experiment]} first."
-        )
         world = training_world(config, genome.physics)
         check_library(world)
         nominal = measure_nominal(genome.network_genes, world, gain, threads, genome.network)
@@ -220,7 +211,6 @@ def evaluate_into(
     """
     prepared = prepare_evaluation(config)
     genome, has_trials, kind = prepared.genome, config.world.task.has_trials, config.figures.value
-    say_unusual(config)
     notes = notes_of(genome, config)
     facts = {
         "seed": config.seed,
@@ -232,7 +222,7 @@ def evaluate_into(
         **facts,
     }
     compile_for(config.controllers, genome.network, config.world)
-    nominal = prepared.remember(threads, say)
+    nominal = prepared.remember(threads)
     with RunFolder.new(path, "evaluate", dump(config), overrides, facts, own_files(config.values)) as run:
         if config.scenario.hand is not None:
             run.write(hand.NAME, hand.content(config.scenario.hand))
