@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from cases import call, done
+from cases import call
 
 import epuckhebb
 from epuckhebb.analysis import findings, tables
@@ -61,19 +61,3 @@ def test_the_note_stands_in_the_terminal_in_the_table_and_on_the_page():
     assert tables.plain(note) in Path("run/table.md").read_text()
     replay(Path("run"), Path("page.html"))
     assert f"<p>{note.replace(chr(39), '&#x27;')}</p>" in Path("page.html").read_text()
-
-
-@pytest.mark.usefixtures("here")
-def test_what_is_allowed_and_hardly_meant_is_named_once():
-    quick = ["repeats=1", "lifetime.duration_s=0.064", "lifetime.record_every=0"]
-    for words, said in (
-        (["scenario.light=51"], "scenario.light=51 is unusual: 1 is bright, 0.1 is dim."),
-        (
-            ["-m", "hebbian.N=999", "seed=1,2", "hydra/launcher=basic"],
-            "N=999 of Hebbian is unusual: 66,600,000 times the paper's rate.",
-        ),
-        (["hebbian.N=0.005", "scenario.light=1"], ""),
-    ):
-        result = done("evaluate", *quick, *words)
-        assert result.stderr.count("is unusual") == bool(said)
-        assert said in result.stderr

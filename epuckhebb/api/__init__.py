@@ -24,7 +24,6 @@ from epuckhebb.config import (
     network_for,
     overrides_of,
     quoted,
-    say_unusual,
     value_text,
     with_controls,
 )
@@ -104,7 +103,6 @@ def evaluate(
             genes=array, name="genome", network=network, robot=robot.name, lights=robot.light.count, plan=plan
         )
     prepared = prepare_evaluation(config, loaded)
-    say_unusual(config)
     threads = thread_count(config.threads)
     rows, recorded = prepared.run(prepared.remember(threads), threads)
     return Evaluation(
@@ -130,7 +128,6 @@ def evolve(*overrides: str, config_dir: str | Path | None = None, progress: bool
     """
     be_quiet(not progress)
     config = load_config(EvolveConfig, overrides_of(overrides, keys), _folder(config_dir))
-    say_unusual(config)
     prepared = prepare_evolution(config)
     generations = list(prepared.generations(thread_count(config.threads)))
     return Evolution(generations[-1].champion, pd.DataFrame(map(history_row, generations)))

@@ -117,7 +117,9 @@ def figure(
 def play(
     overrides: Overrides = None,
     side: Annotated[str, typer.Option("--side", metavar="left|right", help="The side of the goal.")] = "left",
-    port: Annotated[int, typer.Option("--port", metavar="PORT", help="The next free one is taken.")] = 8470,
+    port: Annotated[
+        int, typer.Option("--port", metavar="PORT", min=0, max=65535, help="If it is taken, any that is free.")
+    ] = 8470,
     browser: Annotated[
         bool, typer.Option("--browser/--no-browser", help="Open the page.  [yes]", show_default=False)
     ] = True,
@@ -125,8 +127,10 @@ def play(
     quiet: Quiet = False,
 ) -> None:
     """A live world in the browser, to disturb by hand."""
+    import webbrowser
+
     from epuckhebb.config import check_config_dir
-    from epuckhebb.live.server import Play, open_page
+    from epuckhebb.live.server import Play
     from epuckhebb.runtime import be_quiet, say
 
     be_quiet(quiet)
@@ -135,7 +139,7 @@ def play(
         say("Ctrl-C ends it.")
         typer.echo(live.address)  # from here on, Ctrl-C is how it is ended
         if browser:
-            open_page(live.address)
+            webbrowser.open(live.address)
         live.wait()
 
 
@@ -218,7 +222,6 @@ def show(
         typer.Argument(
             help="A folder of runs, latest, a champion's file, or reference_7.  [latest runs]",
             metavar="WHAT",
-            autocompletion=completion.complete_shown,
         ),
     ] = None,
     as_json: Json = False,
@@ -251,7 +254,6 @@ def export(
         typer.Argument(
             help="A run of evaluate, or a champion: a run of evolve, a file, reference_7.",
             metavar="RUN",
-            autocompletion=completion.complete_shown,
         ),
     ],
     webots: Annotated[bool, typer.Option("--webots", help="As a controller for the e-puck of Webots.")] = False,

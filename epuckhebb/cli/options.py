@@ -67,9 +67,7 @@ Overrides = Annotated[
     list[str] | None,
     typer.Argument(metavar="[KEY=VALUE]...", hidden=True, autocompletion=_complete_override),
 ]
-Run = Annotated[
-    Path, typer.Argument(metavar="RUN", help="Its folder, or latest.", autocompletion=completion.complete_run)
-]
+Run = Annotated[Path, typer.Argument(metavar="RUN", help="Its folder, or latest.")]
 Multirun = Annotated[bool, typer.Option("--multirun", "-m", help="Run every combination of comma-separated values.")]
 
 

@@ -14,14 +14,12 @@ from epuckhebb.analysis import tables
 from epuckhebb.analysis.evaluate import Rows, Traces, evaluate
 from epuckhebb.config import (
     EvaluateConfig,
-    brings_physics,
     check_library,
     dump,
     hand,
     own_files,
     part_from,
     part_names,
-    say_unusual,
     usual_physics,
 )
 from epuckhebb.config import training_world as world_of_training
@@ -60,7 +58,7 @@ class PreparedEvaluation:
             return self
         there = copy.copy(self.config)
         ours = self.config.world
-        physics = world.physics if brings_physics(world.name) else ours.physics
+        physics = ours.physics if world.physics == PYMUNK else world.physics
         signal = ours.goal_signal if world.goal_signal == GoalSignal() else world.goal_signal
         there.world = replace(world, fitness=ours.fitness, physics=physics, goal_signal=signal)
         there.lifetime = replace(self.config.lifetime, duration_s=world.paper_duration_s)
@@ -209,7 +207,6 @@ def evaluate_into(
     """
     prepared = prepare_evaluation(config)
     genome, has_trials, kind = prepared.genome, config.world.task.has_trials, config.figures.value
-    say_unusual(config)
     notes = notes_of(genome, config)
     facts = {
         "seed": config.seed,

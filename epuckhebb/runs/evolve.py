@@ -22,7 +22,6 @@ from epuckhebb.config import (
     from_values,
     network_for,
     own_files,
-    say_unusual,
     settings,
     values_of,
 )
@@ -175,7 +174,6 @@ def evolve_into(
             return "before the first generation"
         return f"the last whole generation is in {last}; resume with: epuckhebb evolve {RESUME}{run.path}"
 
-    say_unusual(config)
     run.left_behind = left_behind
     with run:
         settings_digest = _digest(run.path, config)

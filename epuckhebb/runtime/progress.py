@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from tqdm import tqdm
 
 _QUIET = "EPUCKHEBB_QUIET"  # environment variable, so that the workers of a launcher see it too
-_said: set[str] = set()
 _EVERY_S = 0.5  # between looks at how many jobs are done
 _LOG_S = 30.0  # between bars where none can move
 _LOOK = "{desc} {n_fmt}/{total_fmt} {bar:20}{postfix}  {remaining}"  # of a bar
@@ -33,13 +32,6 @@ def say(note: str) -> None:
         return
     with sys.modules["tqdm"].tqdm.external_write_mode(sys.stderr) if "tqdm" in sys.modules else nullcontext():
         print(note, file=sys.stderr, flush=True)  # above a bar
-
-
-def say_once(note: str) -> None:
-    """Print a note once for all jobs of this process."""
-    if note not in _said and not is_quiet():
-        _said.add(note)
-        say(note)
 
 
 def bar(what: str, total: int, done: int = 0, *, quiet: bool = False) -> "tqdm[Any]":

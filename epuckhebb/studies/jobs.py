@@ -120,7 +120,7 @@ def launch(
                     "--multirun",
                 ]
                 try:
-                    hydra.call_many("study", do, arguments)
+                    hydra.call("study", do, arguments)
                 except (ConfigError, JobFailedError) as error:
                     trouble = str(error)
                 if trouble and fail_fast:
