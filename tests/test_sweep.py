@@ -218,15 +218,6 @@ def test_a_launcher_gets_so_many_jobs_at_a_time_and_all_of_them_though_one_faile
     assert set(pd.read_csv(folder / "sweep.csv").scenario) == {"2obstacles", "4obstacles"}
 
 
-@pytest.mark.usefixtures("failing")
-def test_fail_fast_starts_no_further_job(here):
-    result = call("sweep", "obstacles", *TWO, "seed=1,2", "hydra/launcher=basic", "--fail-fast", "--json")
-    assert result.exit_code == 1
-    told = json.loads(result.stdout)
-    assert (len(told["failed"]), told["left_out"], told["done_now"]) == (1, 3, 0)
-    assert len(pd.read_csv(only_sweep(here) / "failed.csv")) == 1
-
-
 @pytest.mark.thorough
 def test_a_full_disk_spoils_no_earlier_result(here, small_files, monkeypatch):
     """A limit on the size of files stands for the disk: metrics.csv of the second seed does not fit."""

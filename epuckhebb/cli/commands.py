@@ -216,7 +216,6 @@ def sweep(
     name: Annotated[str, typer.Argument(metavar="NAME", hidden=True, autocompletion=completion.complete_sweep)],
     overrides: Overrides = None,
     dry_run: DryRun = False,
-    fail_fast: Annotated[bool, typer.Option("--fail-fast", help="Start no job after one has failed.")] = False,
     *,
     options: StudyOptions,
 ) -> None:
@@ -229,7 +228,7 @@ def sweep(
     config_dir, words = options.config_dir, with_genomes_named(overrides)
     check_config_dir(config_dir)
     planned = plan_own(name, words) if ".py:" in name else plan(name, as_evolved(words, config_dir), config_dir)
-    run_study(planned, options, dry_run=dry_run, fail_fast=fail_fast)
+    run_study(planned, options, dry_run=dry_run)
 
 
 @app.command(cls=Command)

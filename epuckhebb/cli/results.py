@@ -129,8 +129,8 @@ def print_study(study: "type[Study]", path: Path, console: Console) -> None:
 def in_short(path: Path) -> str:
     """The result of a finished run or study in a few words; for each controller of an evaluation a line."""
     run = Run(path)
-    if (study := study_in(path)) is not None:
-        return study.in_short(run)
+    if run.has("sweep.json"):
+        return f"tables: {', '.join(file.name for file in sorted(path.glob('*.csv')))}"
     if run.has("reversal.csv"):
         shares = (f"{row['controller']} {row['rewarded_share']:.2f}" for row in run.rows("reversal.csv"))
         return f"rewarded share: {', '.join(shares)}"
@@ -145,9 +145,10 @@ def in_short(path: Path) -> str:
 
 
 def study_in(path: Path) -> "type[Study] | None":
-    """The class of the study of a folder; None if it is the folder of something else."""
+    """The class of the study of a folder, `Study` for a user's, whose file is not loaded; None in another folder."""
     if not Run(path).has("sweep.json"):
         return None
-    from epuckhebb.studies import study  # studies take a while to load
+    from epuckhebb.studies.study import Study, study_named  # studies take a while to load
 
-    return study.study_in(Run(path))
+    reference = Run(path).json("sweep.json")["name"]
+    return Study if ":" in reference else study_named(reference)

