@@ -16,7 +16,6 @@ nox.options.default_venv_backend = "uv|venv"  # uv, where it is installed, makes
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 BUILDERS = ("docker", "podman")
 STABLE = "hydra-core==1.3.*"  # some plug-ins ask for a Hydra in a way that lets pip take a pre-release
-PRE_RELEASE = ["hydra-core>=1.4.0rc3", "hydra-joblib-launcher>=1.4.0rc3", "hydra-submitit-launcher>=1.4.0rc3"]
 TWO_CORES = ["-n", "2", "--dist", "loadfile"]  # a file stays with one of them: what its tests share is made once
 PROJECT = nox.project.load_toml("pyproject.toml")
 
@@ -103,13 +102,6 @@ def newest_whole(session: nox.Session) -> None:
     if NEWEST is None:
         session.skip("no Python 3.12 to 3.15 here")
     session.install(".", *group("tests"), STABLE)
-    session.run("pytest", *TWO_CORES, *session.posargs)
-
-
-@nox.session(tags=["heavy"])
-def hydra14(session: nox.Session) -> None:
-    """Run the ordinary suite with the pre-release of Hydra 1.4."""
-    session.install(".", *group("tests"), *PRE_RELEASE)
     session.run("pytest", *TWO_CORES, *session.posargs)
 
 

@@ -52,14 +52,10 @@ def test_the_bundled_champions_remember():
 
 @pytest.mark.thorough
 @pytest.mark.usefixtures("here")
-def test_older_champions_live_again_and_say_so():
+def test_older_champions_live_again():
     np.save("old.npy", load_genome("reference_20", "obstacles").genes)
-    result = done("evaluate", "adaptation=late", "genome=old.npy", *BRIEF)
-    assert "it runs 10 lifetimes a side in base first." in result.stderr
-    result = call("evaluate", "adaptation=late", "genome=reference_20", "lifetime.gain_rad_s=4", *BRIEF)
-    assert "4 rad/s: it runs 10 lifetimes a side in base first." in result.stderr
-    paper = call("evaluate", "genome=old.npy", *BRIEF)
-    assert "lifetimes a side" not in paper.output  # the paper's rule needs no nominal statistics
+    done("evaluate", "adaptation=late", "genome=old.npy", *BRIEF)
+    done("evaluate", "adaptation=late", "genome=reference_20", "lifetime.gain_rad_s=4", *BRIEF)
 
 
 SMALL_STUDY = """

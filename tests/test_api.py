@@ -14,7 +14,6 @@ from PIL import Image
 
 import epuckhebb
 from epuckhebb.analysis.evaluate import COLUMNS
-from epuckhebb.runtime import progress
 
 FAST = ["lifetime.duration_s=8", "repeats=2"]
 BRIEF = {"lifetime": {"duration_s": 0.64, "record_every": 1}, "repeats": 1}
@@ -55,10 +54,6 @@ def test_a_result_has_tables_traces_a_picture_and_a_page(here):
     shown = re.search(r'srcdoc="([^"]*)"', page._repr_html_())[1]
     assert html.unescape(shown) == page.text
     assert list(here.iterdir()) == []
-    assert page.save("own/page.html").read_text(encoding="utf-8") == page.text
-    assert result.plot().save("path.pdf").read_bytes().startswith(b"%PDF")
-    with pytest.raises(ValueError, match=r"one of png, svg, pdf, got path\.bmp"):
-        result.plot().save("path.bmp")
 
 
 def test_a_sweep_is_one_table_the_same_each_time(capfd):
@@ -68,13 +63,6 @@ def test_a_sweep_is_one_table_the_same_each_time(capfd):
     assert list(one.columns) == ["hebbian", *COLUMNS]
     assert len(one) == 2 * 6  # in each world the genes alone and two rates, on both sides
     assert capfd.readouterr().err == ""  # it took less than half a minute
-
-
-def test_a_sweep_shows_its_progress_after_a_quiet_call(capfd, monkeypatch):
-    monkeypatch.setattr(progress, "_LINE_S", 0.0)
-    progress.be_quiet(True)
-    epuckhebb.sweep(over={"seed": [3]}, lifetime={"duration_s": 0.064}, repeats=1)
-    assert "job 0/1  seed=3" in capfd.readouterr().err
 
 
 def test_an_evolution_is_a_champion_and_its_history(capfd):
@@ -109,18 +97,17 @@ def test_both_bundled_champions_load():
         (lambda: epuckhebb.evaluate(progres=False), "progres"),
         (lambda: epuckhebb.evaluate("reference", scenario="bas"), "4obstacles"),
         (lambda: epuckhebb.evaluate("reference", seed=pd.Series([1])), "seed must be text, a number"),
-        (lambda: epuckhebb.evaluate("reference", hebbian=epuckhebb.Hebbian), "got a class; give an object of it"),
+        (lambda: epuckhebb.evaluate("reference", hebbian=epuckhebb.Hebbian), "hebbian must be a name or settings"),
         (lambda: epuckhebb.evaluate("reference", hebbian=epuckhebb.Hebbian(floor=0.3)), "has N = 0 and would"),
         (lambda: epuckhebb.evaluate("reference", lifetime={"duration": 3}), "duration_s"),
         (lambda: epuckhebb.evaluate("reference", config_dir="nowhere"), "nowhere is no folder"),
         (lambda: epuckhebb.evaluate("reference", adaptation=epuckhebb.Adaptation(homeostasis=True)), "needs a name"),
-        (lambda: epuckhebb.evolve(hebbian=epuckhebb.Hebbian(N=0.1)), "cannot be an object"),
+        (lambda: epuckhebb.evolve(hebbian=epuckhebb.Hebbian(N=0.1)), "hebbian must be a name or settings"),
         (lambda: epuckhebb.evaluate("scenario=base"), "genome=scenario=base does not exist"),
         (lambda: epuckhebb.evaluate("reference", scenario=["base", "lowlight"]), "scenario must be one"),
         (lambda: epuckhebb.evolve("reference"), "overrides are texts such as"),
-        (lambda: epuckhebb.sweep("reference", over=["hebbian.N"]), "over must be keys with their values"),
-        (lambda: epuckhebb.sweep("reference", over={"seed": 3}), "seed must have a list of values"),
-        (lambda: epuckhebb.sweep("reference", over={"seed": [3]}, seed=1), "seed is given twice"),
+        (lambda: epuckhebb.sweep("reference", over=["hebbian.N"]), "over must be keys with lists"),
+        (lambda: epuckhebb.sweep("reference", over={"seed": 3}), "over must be keys with lists"),
     ],
 )
 def test_mistakes_are_value_errors_that_say_what_is_wrong(call, message):

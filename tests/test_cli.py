@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 from pathlib import Path
 
@@ -18,7 +17,6 @@ from typer.main import get_command
 from epuckhebb.analysis.evaluate import COLUMNS
 from epuckhebb.cli.commands import app
 from epuckhebb.runs import evolve
-from epuckhebb.runtime import conf, progress
 
 FAST = ["lifetime.duration_s=8", "lifetime.record_every=0", "repeats=2"]
 TINY = ["ga.population=6", "ga.generations=3", "ga.elites=2", "ga.loops=1", "lifetime.duration_s=3"]
@@ -94,14 +92,14 @@ def test_a_read_only_output_folder(here):
 
 
 def test_interrupting_evolve_leaves_a_whole_checkpoint(here, monkeypatch):
-    show = evolve.EvolutionProgress.add
+    write = evolve._write_generation
 
-    def stop(self, generation):
-        show(self, generation)
-        if generation.number == 1:
+    def stop(run, state, prepared):
+        write(run, state, prepared)
+        if state.generation.number == 1:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(evolve.EvolutionProgress, "add", stop)
+    monkeypatch.setattr(evolve, "_write_generation", stop)
     stopped = call("evolve", *TINY)
     run = only_run(here / "runs" / "evolve")
     assert stopped.exit_code == 130, stopped.stderr
@@ -121,9 +119,6 @@ def test_help_fits_one_screen_and_begins_with_examples(command, monkeypatch):
     examples, options = lines.index("Examples:"), lines.index("Options:")
     assert 0 < examples < options
     assert all(line.startswith(f"  epuckhebb {command}") for line in lines[examples + 1 : options] if line[2:3] == "e")
-    if command in ("evolve", "evaluate", "sweep", "play", "reproduce", "leaderboard"):
-        named = " ".join(lines[options:]).replace(",", "").split()
-        assert set(conf.groups(command)) - {"experiment"} <= set(named)
 
 
 def test_help_imports_nothing_heavy():
@@ -203,15 +198,3 @@ def test_what_is_told_to_ignore_a_signal_ignores_it():
     )
     assert ended_by(script, signal.SIGTERM)[1] != 0
     assert "Hangup" not in ended_by(script, signal.SIGTERM)[0]
-
-
-def test_what_is_slow_is_told_and_what_is_quick_is_not(monkeypatch):
-    said, heard = [], threading.Event()
-    monkeypatch.setattr(progress, "say", lambda note: (said.append(note), heard.set()))
-    monkeypatch.setattr(progress, "_SLOW_S", 0.0)
-    with progress.saying_if_slow("compiling"):
-        assert heard.wait(60)
-    monkeypatch.setattr(progress, "_SLOW_S", 3600.0)
-    with progress.saying_if_slow("not told"):
-        pass
-    assert said == ["compiling"]

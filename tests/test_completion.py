@@ -26,15 +26,9 @@ def bash(*words):
     return done.stdout.split()
 
 
-def a_run(folder):
-    folder.mkdir(parents=True)
-    (folder / "status.json").write_text("{}")
-
-
 @pytest.mark.thorough
 @pytest.mark.skipif(not shutil.which("bash") or not Path(PROGRAM).is_file(), reason="no bash, or not installed")
-def test_bash(here):
-    a_run(here / "runs" / "evolve" / "one")
+def test_bash():
     assert bash("swe") == ["sweep"]
     assert bash("evaluate", "scenario", "=", "lo") == ["lowlight"]
     assert set(bash("evaluate", "-m", "hebbian", "=")) >= {"none", "paper", "oja"}
@@ -42,7 +36,6 @@ def test_bash(here):
     assert set(bash("evaluate", "adaptation", "=")) == known
     assert set(bash("evaluate", "robot", "=")) == {"epuck", "epuck_lidar"}
     assert set(bash("evaluate", "scen")) >= {"scenario=base", "scenario=lowlight"}
-    assert bash("show", "runs/") == ["runs/evolve/one"]
 
 
 @pytest.fixture
@@ -52,15 +45,9 @@ def _no_bash(monkeypatch):
 
 
 @pytest.mark.usefixtures("_no_bash")
-def test_choices_and_runs(here):
-    a_run(here / "runs" / "evolve" / "one")
+def test_choices():
     assert completion.complete_override("evaluate", "maze=t_maze_9") == ["maze=t_maze_90"]
-    assert completion.complete_override("evaluate", "genome=r") == ["genome=reference", "genome=runs/evolve/one"]
-    assert completion.complete_override("evaluate", "genome=l") == ["genome=latest"]
     assert completion.complete_override("evolve", "ga=") == ["ga=as_coded", "ga=reversal", "ga=textbook"]
-    assert completion.complete_override("evolve", "resume=") == ["resume=latest", "resume=runs/evolve/one"]
     assert completion.complete_override("evaluate", "nothing=") == []
     assert completion.complete_sweep("n") == ["n_sweep"]
     assert completion.complete_group("ev") == ["evaluate", "evolve"]
-    assert completion.complete_run("") == ["latest", "runs/evolve/one"]
-    assert completion.complete_shown("") == ["latest", "reference", "runs/evolve/one"]

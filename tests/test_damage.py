@@ -1,12 +1,11 @@
 """Files that a disk, an editor or somebody else has changed: told in one message, and never taken for whole."""
 
 import json
-import re
 import shutil
 
 import numpy as np
 import pytest
-from cases import call, done, refused
+from cases import done, refused
 
 from epuckhebb.cli.output import json_text
 from epuckhebb.controller.plasticity.rule import Rule
@@ -46,12 +45,6 @@ def test_a_table_that_was_touched_is_not_shown(evaluated, json_too):
     assert "metrics.csv is not what this run wrote (its SHA-256 differs)" in refused("show", evaluated, *json_too)
     table.unlink()
     assert "metrics.csv cannot be read" in refused("show", evaluated, *json_too)
-
-
-def test_a_file_that_is_gone_is_named(evaluated):
-    assert "Lost" not in call("show", evaluated).stdout
-    (evaluated / ".hydra" / "config.yaml").unlink()
-    assert re.search(r"^Lost +\.hydra/config\.yaml *$", call("show", evaluated).stdout, re.MULTILINE)
 
 
 @pytest.mark.parametrize("name", ["provenance.json", "status.json", ".hydra/config.yaml", "metrics.csv", "traces.npz"])

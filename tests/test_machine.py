@@ -68,10 +68,3 @@ def test_a_closed_stream_leads_nowhere():
     assert (run.returncode, Run(Path("run")).status["state"], b"Success" in run.stdout) == (0, "finished", True)
     assert ended("<&- >&- 2>&-", "show", "run").returncode == 0
     assert ended("2>&-", "evaluate", "seed=x").returncode == USAGE
-
-
-def test_what_switches_the_compiler_off_is_named_and_nothing_runs(monkeypatch, here):
-    """Without it, it would live without physics, and say that it had finished."""
-    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
-    assert "NUMBA_DISABLE_JIT is set" in refused("evaluate", "repeats=1")
-    assert not list(here.iterdir())

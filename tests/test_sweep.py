@@ -204,13 +204,13 @@ def test_a_failed_job_is_told_of_and_the_others_are_kept(here, monkeypatch):
 @pytest.mark.usefixtures("failing")
 def test_a_launcher_gets_so_many_jobs_at_a_time_and_all_of_them_though_one_failed(here, monkeypatch):
     monkeypatch.setattr(study_jobs, "AT_ONCE", 2)
-    call_many, counts = hydra.call_many, []
+    call_hydra, counts = hydra.call, []
 
     def counted(command, do, arguments):
         counts.append(arguments[0].count(",") + 1)
-        call_many(command, do, arguments)
+        call_hydra(command, do, arguments)
 
-    monkeypatch.setattr(hydra, "call_many", counted)
+    monkeypatch.setattr(hydra, "call", counted)
     result = call("sweep", "obstacles", "scenario=base,4obstacles,2obstacles", *FAST, "hydra/launcher=basic")
     assert (result.exit_code, counts) == (1, [2, 1])
     folder = only_sweep(here)

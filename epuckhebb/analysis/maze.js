@@ -34,9 +34,8 @@ class Maze {
     this.c = c;
     this.canvases = stack();
     this.now = element("p", { className: "now" });
-    const { title, note } = data.controllers[c];
     this.figure = element("figure", {},
-      element("figcaption", {}, element("h3", { textContent: title }), element("span", { className: "soft", textContent: note })),
+      element("figcaption", {}, element("h3", { textContent: data.controllers[c] })),
       this.canvases.both, this.now);
     $("mazes").append(this.figure);
   }
@@ -56,16 +55,12 @@ class Maze {
   }
 
   /** Boxes as one path, so that no seam shows between neighbours. */
-  outline(pen, boxes) {
+  boxes(pen, boxes, fill) {
+    pen.fillStyle = fill;
     pen.beginPath();
     for (const [left, right, bottom, top] of boxes) {
       pen.rect(...this.at(left, top), (right - left) * this.scale, (top - bottom) * this.scale);
     }
-  }
-
-  boxes(pen, boxes, fill) {
-    pen.fillStyle = fill;
-    this.outline(pen, boxes);
     pen.fill();
   }
 
@@ -74,20 +69,18 @@ class Maze {
     const pen = this.still, { obstacles, goals, light, lamp, lit: byHand } = data.worlds[this.worldDrawn];
     const lit = byHand ?? (shown.side === "right" && !data.hasTrials);
     pen.clearRect(0, 0, this.canvases.below.width, this.canvases.below.height);
-    pen.fillStyle = colours.yard;
+    pen.fillStyle = colours.floor;
     pen.fillRect(this.margin, 0, this.canvases.below.clientWidth - 2 * this.margin, this.canvases.below.height);
-    this.boxes(pen, maze.floor, colours.floor);
     if (sunChanges) {
+      pen.fillStyle = colours.lamp;
       pen.globalAlpha = 0.2 * Math.min(1, light);
-      this.boxes(pen, maze.floor, colours.lamp);
+      pen.fillRect(this.margin, 0, this.canvases.below.clientWidth - 2 * this.margin, this.canvases.below.height);
       pen.globalAlpha = 1;
     }
     const [x, y] = this.at(lamp.x, lamp.y);
     if (lit && lamp.intensity) {
       const far = 0.28 * Math.sqrt(lamp.intensity) * this.scale;  // about the reach of this brightness
       pen.save();
-      this.outline(pen, maze.floor);
-      pen.clip();
       const glow = pen.createRadialGradient(x, y, 0, x, y, far);
       glow.addColorStop(0, colours.lamp);
       glow.addColorStop(1, colours.lamp.replace("rgb(", "rgba(").replace(")", ", 0)"));
@@ -133,7 +126,7 @@ class Maze {
     disc(pen, startX, startY, 3);
     pen.fill();
     this.drawnTo = 0;
-    this.canvases.above.setAttribute("aria-label", `${data.controllers[this.c].title}: the maze from above, ${lit ? "lamp on" : "lamp off"}, ${data.hasTrials ? `${shown.side} end rewarded first` : `goal on the ${shown.side}`}`);
+    this.canvases.above.setAttribute("aria-label", `${data.controllers[this.c]}: the maze from above, ${lit ? "lamp on" : "lamp off"}, ${data.hasTrials ? `${shown.side} end rewarded first` : `goal on the ${shown.side}`}`);
   }
 
   /** Draw the trail from the last drawn sample up to sample k. */

@@ -1,6 +1,5 @@
 """Moments of a recorded lifetime: when the world changed, and when the robot arrived at its goal."""
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -8,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.tmaze.maze import Side
-from epuckhebb.tmaze.robot import STEP_S
 from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.scenario import Scenario
 
@@ -16,12 +14,10 @@ from epuckhebb.tmaze.scenario import Scenario
 class Arrival(NamedTuple):
     """Whether and when a robot reached its goal; if goals move, the goal of that moment.
 
-    time: when the robot was first at the goal [s], None if never. final_distance: to the goal at the end [m].
-    stayed: whether it was at the goal at the last sample.
+    time: when the robot was first at the goal [s], None if never. stayed: whether it was there at the last sample.
     """
 
     time: float | None
-    final_distance: float
     stayed: bool
 
     @property
@@ -84,21 +80,9 @@ def with_gaps(
 
 
 def arrival(samples: Samples, scenario: Scenario, side: Side) -> Arrival:
-    """When and whether a robot of a recorded lifetime arrived."""
-    time, pose = samples.time, samples.pose
-    phases = [(since, world) for since, world in begins(scenario, samples.phase_began) if since is not None]
-    radius = scenario.maze.goal_radius_m
-    arrived: float | None = None
-    for number, (since, world) in enumerate(phases):
-        until = phases[number + 1][0] if number + 1 < len(phases) else float(time[-1])
-        moments = np.concatenate([[since], time[(time > since) & (time < until)], [until]])
-        x, y = (np.interp(moments, time, pose[:, axis]) for axis in (0, 1))
-        goal = world.goals_now[side]
-        distance = np.hypot(x - goal.x, y - goal.y)
-        inside = np.flatnonzero(distance < radius)
-        if arrived is None and len(inside):
-            k = int(inside[0])
-            # Between two samples the robot drives straight on, near enough to find the step; metrics count its end.
-            crossed = np.interp(-radius, -distance[k - 1 : k + 1], moments[k - 1 : k + 1]) if k else since
-            arrived = max(math.ceil(crossed / STEP_S - 1e-6), math.floor(since / STEP_S + 1e-6) + 1) * STEP_S
-    return Arrival(arrived, float(distance[-1]), bool(distance[-1] < radius))
+    """When and whether a robot of a recorded lifetime arrived, to the sample; metrics have it to the step."""
+    began, worlds = zip(*begins(scenario, samples.phase_began), strict=True)
+    phases = np.searchsorted([since for since in began if since is not None], samples.time, side="right") - 1
+    goals = np.array([world.goals_now[side] for world in worlds])[np.maximum(phases, 0)]
+    inside = np.hypot(*(samples.pose[:, :2] - goals).T) < scenario.maze.goal_radius_m
+    return Arrival(float(samples.time[inside.argmax()]) if inside.any() else None, bool(inside[-1]))

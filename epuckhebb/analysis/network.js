@@ -66,11 +66,11 @@ class Network {
     this.c = c;
     this.canvases = stack();
     this.tip = element("p", { className: "tip" });
-    const { title, note } = data.controllers[c], canvas = this.canvases.above;
+    const title = data.controllers[c], canvas = this.canvases.above;
     canvas.tabIndex = 0;
     canvas.setAttribute("aria-label", `${title}: its network of ${NEURONS} neurons and ${GENES} connections; up and down keys select a connection`);
     this.figure = element("figure", { className: "network" },
-      element("figcaption", {}, element("h3", { textContent: title }), element("span", { className: "soft", textContent: note })),
+      element("figcaption", {}, element("h3", { textContent: title })),
       this.canvases.both, this.tip);
     $("networks").append(this.figure);
     canvas.addEventListener("pointermove", (event) => this.point(this.nearest(event.offsetX, event.offsetY)));

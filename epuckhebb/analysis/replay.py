@@ -19,18 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.analysis.evaluate import Traces
-from epuckhebb.analysis.figures import controller_title
-from epuckhebb.analysis.floor import floor, view
-from epuckhebb.analysis.moments import Arrival, arrival, begins, change_text, put_back
+from epuckhebb.analysis.figures import controller_title, view
+from epuckhebb.analysis.moments import arrival, begins, change_text, put_back
 from epuckhebb.analysis.page import filled, policy
 from epuckhebb.controller.network import PAPER_NETWORK, Network, initial_weights_of
-from epuckhebb.tmaze.individual import CONTROLS, GA, HEBBIAN
 from epuckhebb.tmaze.lifetime import CONTACT
-from epuckhebb.tmaze.maze import SIDES, Side, boxes
+from epuckhebb.tmaze.maze import SIDES, boxes
 from epuckhebb.tmaze.robot import STEP_S
 from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.sensors import Place, RimSensors
+from epuckhebb.tmaze.sensors import Place
 
 _MOST_SAMPLES = 1000  # of a lifetime; of more, every so many-th is kept
 _LARGEST = 32767  # of a 16-bit integer
@@ -39,9 +37,6 @@ _APART = (  # what is drawn, or named in the title, and what is no fault
     *("rate", "put", "reset", "changes", "hand", "paper_N", "paper_duration_s"),
     *("maze", "robot", "task", "fitness", "physics"),
 )
-_CONSTANT = "its weights stay at their initial values"
-_CHANGING = "its weights change during the lifetime"
-_WAYS = ((8, "front"), (31, "front {}"), (68, "{}, ahead"), (112, "{}"), (172, "back {}"), (180, "back"))  # degrees
 
 
 def page(
@@ -57,7 +52,7 @@ def page(
     """The HTML text of the page.
 
     genes: of these lifetimes, the weights first. title: a line that names the run. gain_rad_s: wheel gain, the wheel
-    speed [rad/s] at a network output of 1. network: of these genes. notes: lines beside the outcome.
+    speed [rad/s] at a network output of 1. network: of these genes. notes: lines below it.
     """
     controllers = list(dict.fromkeys(traces.controller))
     place = {of: k for k, of in reversed(list(enumerate(zip(traces.controller, traces.side, strict=True))))}
@@ -66,15 +61,11 @@ def page(
     every = math.ceil(len(time) / _MOST_SAMPLES)
     interval = float(time[1] - time[0]) * every if len(time) > 1 else STEP_S
     initial = initial_weights_of(genes[: network.synapses]).astype(np.float32)
-    named = zip(traces.controller, traces.samples.weight_change, strict=True)
-    changed = {name for name, weight_change in named if weight_change.any()}
-    lifetimes, outcomes = {}, {}
+    lifetimes = {}
     has_trials = scenario.task.has_trials
     for side in sides:
         of_side = [Samples(*(array[place[name, side]] for array in traces.samples)) for name in controllers]
         arrivals = [arrival(samples, scenario, side) for samples in of_side]
-        sentence = reversal_outcome(side, controllers, of_side) if has_trials else outcome(side, controllers, arrivals)
-        outcomes[side] = sentence
         lifetimes[side] = [
             {
                 "arrival": None if has_trials else arrived.time,
@@ -85,12 +76,9 @@ def page(
             }
             for samples, arrived in zip(of_side, arrivals, strict=True)
         ]
-    hebbian = {HEBBIAN, *CONTROLS.values()}
     content = {
-        **fixed_facts(scenario, network, gain_rad_s, controllers, [name in changed for name in controllers]),
+        **fixed_facts(scenario, network, gain_rad_s, controllers),
         "sides": sides,
-        "hebbian": all(name in hebbian for name in controllers if name != GA),
-        "outcomes": outcomes,
         "samples": len(time[::every]),
         "interval": interval,  # s between samples
         "steps": round(interval / STEP_S),  # of 32 ms between samples
@@ -117,52 +105,18 @@ def with_data(template: Path, title: str, content: Mapping[str, Any], notes: Seq
     return re.sub(r"\{\{(\w+)\}\}", lambda place: filling[place[1]], text)
 
 
-def outcome(side: Side, controllers: Sequence[str], arrivals: Sequence[Arrival]) -> str:
-    """A sentence for each robot: whether and when it reached the goal of this side."""
-    sentences, goal = [], f"the goal on the {side}"
-    for controller, arrived in zip(controllers, arrivals, strict=True):
-        name = "The robot" if len(controllers) == 1 else f"{_with(controller)} the robot"
-        away = f"ended {100 * arrived.final_distance:.0f} cm away"
-        if arrived.time is None:
-            sentences.append(f"{name} did not reach {goal}: it {away}.")
-        else:
-            end = "" if arrived.stayed else f", drove on and {away}"
-            sentences.append(f"{name} reached {goal} after {arrived.time:.1f} s{end}.")
-    return " ".join(sentences)
-
-
-def reversal_outcome(side: Side, controllers: Sequence[str], lifetimes: Sequence[Samples]) -> str:
-    """Which end was rewarded first, and how often each robot reached the rewarded end."""
-    sentences = [f"The end on the {side} is rewarded first."]
-    for controller, samples in zip(controllers, lifetimes, strict=True):
-        begins = np.diff(samples.sensors[:, -1], prepend=0.0) * samples.sensors[:, -1] > 0
-        good, all_ = (int(begins[samples.sensors[:, -1] > least].sum()) for least in (0, -2))
-        sentences.append(f"{_with(controller)} the robot reached an end {all_} times, {good} times the rewarded end.")
-    return " ".join(sentences)
-
-
-def _with(controller: str) -> str:
-    known = controller if controller in CONTROLS.values() else f"“{controller}”"
-    return {GA: "Without plasticity", HEBBIAN: "With plasticity"}.get(controller, f"With {known}")
-
-
-def fixed_facts(
-    scenario: Scenario, network: Network, gain_rad_s: float, controllers: Sequence[str], changes: Sequence[bool]
-) -> dict[str, Any]:
-    """What never changes on a page: robots, networks, the maze. changes: which controllers change the weights."""
+def fixed_facts(scenario: Scenario, network: Network, gain_rad_s: float, controllers: Sequence[str]) -> dict[str, Any]:
+    """What never changes on a page: robots, networks, the maze."""
     robot, maze, distance = scenario.robot, scenario.maze, scenario.robot.distance
     *layers, last = network.layers
     hidden = [last - network.outputs] if last > network.outputs else []  # of the last layer: drawn by themselves
     return {
-        "controllers": [
-            {"title": controller_title(name), "note": _CHANGING if change else _CONSTANT}
-            for name, change in zip(controllers, changes, strict=True)
-        ],
+        "controllers": [controller_title(name) for name in controllers],
         "speed": 100 * gain_rad_s * robot.wheel_radius_m,  # cm/s of a wheel at a network output of 1
         "layers": [*layers, *hidden, network.outputs],
         "wiring": "" if network.wiring is None else network.wiring.name,
         "joined": None if network.wiring is None else np.array(network.joined).tolist(),
-        "inputs": _inputs(scenario),
+        "inputs": [label for group in scenario.groups for label in group.labels],
         "hasTrials": scenario.task.has_trials,
         "robot": {
             "radius": robot.radius_m,
@@ -173,7 +127,6 @@ def fixed_facts(
         },
         "maze": {
             "view": view(scenario),
-            "floor": np.round(floor(scenario.maze, scenario.robot.radius_m), 6).tolist(),
             "walls": boxes(maze).tolist(),
             "start": maze.start[:2],
             "goalRadius": maze.goal_radius_m,
@@ -209,23 +162,6 @@ def world_facts(world: Scenario) -> dict[str, Any]:
 def _placed(places: Sequence[Place]) -> list[list[float]]:
     """Sensors as x, y [m] and azimuth [rad], in the robot's frame."""
     return [[place.x, place.y, math.radians(place.azimuth)] for place in places]
-
-
-def _inputs(scenario: Scenario) -> list[str]:
-    """The names of the network's inputs: sensors by their direction, and by their number where two are alike."""
-    names = []
-    for group in scenario.groups:
-        places = group.places if isinstance(group, RimSensors) else []
-        azimuths = [(place.azimuth + 180) % 360 - 180 for place in places]
-        ways = [
-            next(way for limit, way in _WAYS if abs(azimuth) <= limit).format("left" if azimuth > 0 else "right")
-            for azimuth in azimuths
-        ]
-        if len(set(ways)) < len(ways):
-            numbered = enumerate(zip(ways, places, strict=True))
-            ways = [f"number {number}, {way} ({place.azimuth:.0f}°)" for number, (way, place) in numbered]
-        names += [f"{group.label}, {way}" for way in ways] or group.labels
-    return names
 
 
 def _embedded(samples: Samples, initial: NDArray[np.float32], every: int) -> dict[str, Any]:

@@ -24,7 +24,6 @@ from epuckhebb.config import (
     network_for,
     overrides_of,
     quoted,
-    say_unusual,
     value_text,
     with_controls,
 )
@@ -32,9 +31,8 @@ from epuckhebb.config import load as load_config
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.plasticity.rule import NoRule, Rule
 from epuckhebb.evolution.evolve import history_row
-from epuckhebb.live.server import Play
-from epuckhebb.runs import EvolutionProgress, as_evolved, prepare_evaluation, prepare_evolution
-from epuckhebb.runtime import Bar, ConfigError, be_quiet, say, thread_count
+from epuckhebb.runs import prepare_evaluation, prepare_evolution
+from epuckhebb.runtime import ConfigError, bar, be_quiet, say, thread_count
 from epuckhebb.store import Genome, checked_genes, load_genome, resolve_run
 
 Genes = NDArray[np.float64]
@@ -82,7 +80,7 @@ def evaluate(
     rule = keys.pop("hebbian") if isinstance(keys.get("hebbian"), Rule) else None
     folder, words = _folder(config_dir), overrides_of(overrides, keys)
     if isinstance(genome, str | Path):
-        words = as_evolved([*words, f"genome={quoted(str(resolve_run(genome, 'evolve')))}"], folder)
+        words.append(f"genome={quoted(str(resolve_run(genome, 'evolve')))}")
     config = load_config(EvaluateConfig, words, folder)
     if rule is not None:
         if rule.N == 0 and not isinstance(rule, NoRule):
@@ -105,9 +103,8 @@ def evaluate(
             genes=array, name="genome", network=network, robot=robot.name, lights=robot.light.count, plan=plan
         )
     prepared = prepare_evaluation(config, loaded)
-    say_unusual(config)
     threads = thread_count(config.threads)
-    rows, recorded = prepared.run(prepared.remember(threads, say), threads)
+    rows, recorded = prepared.run(prepared.remember(threads), threads)
     return Evaluation(
         metrics=pd.DataFrame(rows),
         config=config,
@@ -123,7 +120,7 @@ def evolve(*overrides: str, config_dir: str | Path | None = None, progress: bool
     Args:
         overrides: Settings as on the command line, for example "seed=7".
         config_dir: A folder with YAML files of your own.
-        progress: Whether to show how far it is: a bar, or a line in half a minute where none can be shown.
+        progress: Whether to show how far it is: a bar.
         keys: Settings as keywords: `seed=7`, `scenario="highlight"`, `ga=GA(population=20)`.
 
     Returns:
@@ -131,13 +128,8 @@ def evolve(*overrides: str, config_dir: str | Path | None = None, progress: bool
     """
     be_quiet(not progress)
     config = load_config(EvolveConfig, overrides_of(overrides, keys), _folder(config_dir))
-    say_unusual(config)
     prepared = prepare_evolution(config)
-    generations = []
-    with EvolutionProgress(config.schedule.generations, quiet=not progress, each=False) as bar:
-        for generation in prepared.generations(thread_count(config.threads)):
-            generations.append(generation)
-            bar.add(generation)
+    generations = list(prepared.generations(thread_count(config.threads)))
     return Evolution(generations[-1].champion, pd.DataFrame(map(history_row, generations)))
 
 
@@ -158,18 +150,20 @@ def play(
         keys: Settings as keywords.
 
     Returns:
-        The live world: `.address` of its page, `.open()` it in a new tab, `.close()` ends it. Runs that the page saves
+        The live world: `.address` of its page, `.close()` ends it. Runs that the page saves
         are in `runs/evaluate/`.
     """
     folder, path = _folder(config_dir), resolve_run(genome, "evolve")
-    words = as_evolved([f"genome={quoted(str(path))}", *overrides_of(overrides, keys)], folder)
-    return Live(Play(words, side, folder))
+    words = [f"genome={quoted(str(path))}", *overrides_of(overrides, keys)]
+    live = Live(words, side, folder)
+    live.__enter__()
+    return live
 
 
 def sweep(
     genome: Genes | Evolution | str | Path = "reference",
     *overrides: str,
-    over: Mapping[str, Sequence[Any]] | None = None,
+    over: Mapping[str, Sequence[Any]],
     config_dir: str | Path | None = None,
     progress: bool = True,
     **keys: Any,
@@ -180,33 +174,29 @@ def sweep(
         genome: As for `evaluate`.
         overrides: As for `evaluate`.
         over: For each key its values, for example `{"scenario": ["base", "lowlight"], "hebbian.N": [0.0002, 0.002]}`;
-            it must be given. `genome`, `seed` and objects, as `{"hebbian": [Hebbian(N=0.001), MyRule(N=0.001)]}`, too.
+            `genome`, `seed` and objects, as `{"hebbian": [Hebbian(N=0.001), MyRule(N=0.001)]}`, too.
         config_dir: As for `evaluate`.
-        progress: Whether to show how far it is: a bar, or a line in half a minute where none can be shown.
+        progress: Whether to show how far it is: a bar.
         keys: Settings that all have in common; the same `seed` gives the same numbers.
 
     Returns:
         A row a lifetime, each of them once, with the columns of `metrics.csv`. Before them is a column for each key of
         `over` that `metrics.csv` has no column for; it says `any` for the GA if the key is one of plasticity.
     """
-    if not isinstance(over, Mapping) or not over:
-        raise ConfigError(f"over must be keys with their values, as {{'hebbian.N': [0.0002, 0.002]}}, got {over!r}")
-    for key, values in over.items():
-        if isinstance(values, str) or not isinstance(values, Sequence | np.ndarray) or not len(values):
-            raise ConfigError(f"over: {key} must have a list of values, got {values!r}")
-        if key in keys:
-            raise ConfigError(f"{key} is given twice, in `over` and by itself")
+    lists = over.values() if isinstance(over, Mapping) else []
+    if not lists or not all(isinstance(values, list | tuple | np.ndarray) and len(values) for values in lists):
+        raise ConfigError(f"over must be keys with lists of values, as {{'hebbian.N': [0.0002, 0.002]}}, got {over!r}")
     be_quiet(not progress)
     jobs = [dict(zip(over, values, strict=True)) for values in itertools.product(*over.values())]
     evaluations = []
-    with Bar("job", len(jobs), each=False) as bar:
-        for number, job in enumerate(jobs):
+    with bar("job", len(jobs)) as shown:
+        for job in jobs:
             settings = {key: _label(key, value) for key, value in job.items()}
-            bar.show(number, ", ".join(f"{key}={value}" for key, value in settings.items()))
-            quick = {"lifetime.record_every": 0, **keys, **job}
-            result = evaluate(quick.pop("genome", genome), *overrides, config_dir=config_dir, progress=False, **quick)
+            own = {"lifetime.record_every": 0, **keys, **job}
+            result = evaluate(own.pop("genome", genome), *overrides, config_dir=config_dir, progress=False, **own)
             sha256, ids = result.genome.sha256, result.lifetime_ids
             evaluations.append(Evaluated(settings=settings, sha256=sha256, ids=ids, rows=result.metrics))
+            shown.update()
     gathered = gather(evaluations)
     be_quiet(not progress)
     if gathered.repeated:

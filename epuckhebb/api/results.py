@@ -1,11 +1,9 @@
 """What the Python interface gives: results that a notebook shows."""
 
 import html
-import webbrowser
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,13 +13,13 @@ from numpy.typing import NDArray
 
 from epuckhebb.analysis import figures, reversal, tables
 from epuckhebb.analysis.evaluate import TRIALS, Traces
-from epuckhebb.analysis.image import KINDS, image
+from epuckhebb.analysis.image import image
 from epuckhebb.config import EvaluateConfig
 from epuckhebb.export.replay import Recording, page_of
 from epuckhebb.live.server import Play
 from epuckhebb.runs import caption, notes_of
 from epuckhebb.runtime import ConfigError
-from epuckhebb.store import Genome, traces_arrays, write_atomic
+from epuckhebb.store import Genome, traces_arrays
 
 _LIVE = '<iframe src="{}" width="100%" height="860" style="border:0" allow="clipboard-write"></iframe>'
 _FRAME = '<iframe srcdoc="{}" width="100%" height="760" style="border:0" sandbox="allow-scripts"></iframe>'
@@ -29,20 +27,12 @@ _FRAME = '<iframe srcdoc="{}" width="100%" height="760" style="border:0" sandbox
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure that a notebook shows. figure: of matplotlib."""
+    """A figure of matplotlib that a notebook shows."""
 
     figure: Figure = field(repr=False)
 
     def _repr_png_(self) -> bytes:
         return image(self.figure)
-
-    def save(self, path: str | Path) -> Path:
-        """Write it to a file of type png, svg or pdf, as its name says; returns its path."""
-        kind = Path(path).suffix.removeprefix(".")
-        if kind not in KINDS:
-            raise ConfigError(f"a figure is saved as one of {', '.join(KINDS)}, got {path}")
-        write_atomic(Path(path), image(self.figure, kind))
-        return Path(path)
 
 
 @dataclass(frozen=True)
@@ -54,32 +44,19 @@ class Page:
     def _repr_html_(self) -> str:
         return _FRAME.format(html.escape(self.text))
 
-    def save(self, path: str | Path) -> Path:
-        """Write it to a file; returns its path."""
-        write_atomic(Path(path), self.text.encode())
-        return Path(path)
 
-
-class Live:
+class Live(Play):
     """A live world that is served until it is closed, or Python ends; a notebook shows its page.
 
     address: of the page, for a browser of this computer.
     """
 
-    def __init__(self, play: Play) -> None:
-        self._play = play.__enter__()
-        self.address = play.address
-
     def _repr_html_(self) -> str:
         return _LIVE.format(html.escape(self.address))
 
-    def open(self) -> None:
-        """Show the page in a new tab."""
-        webbrowser.open(self.address)
-
     def close(self) -> None:
         """End the world."""
-        self._play.__exit__()
+        self.__exit__()
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -108,8 +85,16 @@ class Evaluation:
 
     @cached_property
     def table(self) -> pd.DataFrame:
-        """The paper's table: a row for each metric, a column for each controller and side; means over the repeats."""
-        return _framed(tables.paper_table(self.metrics.to_dict("records")))
+        """The paper's table: a row for each metric, a column for each controller and side; means over the repeats.
+
+        Of reversal learning, a row for each controller.
+        """
+        task = self.config.world.task
+        if task.has_trials:
+            return reversal.table(self.metrics, self.trials, task, self.config.seed).set_index("controller")
+        means = tables.paper_table(self.metrics.to_dict("records"))
+        frame = pd.DataFrame(means, index=pd.Index(tables.ROWS, name="metric"))
+        return frame.rename_axis(columns=["controller", "side"])
 
     @cached_property
     def traces(self) -> dict[str, NDArray[Any]]:
@@ -132,23 +117,12 @@ class Evaluation:
         return Page(page_of(self._recording))
 
     def __repr__(self) -> str:
-        """The paper's table, or that of reversal learning, and what a reader must know beside it."""
-        return "\n".join([str(self._shown()), *notes_of(self.genome, self.config)])
+        """The table, and what a reader must know beside it."""
+        return "\n".join([str(self.table), *notes_of(self.genome, self.config)])
 
     def _repr_html_(self) -> str:
         notes = (f"<p>{html.escape(note)}</p>" for note in notes_of(self.genome, self.config))
-        return "".join([self._shown().to_html(), *notes])
-
-    def _shown(self) -> pd.DataFrame:
-        task = self.config.world.task
-        if task.has_trials:
-            return reversal.table(self.metrics, self.trials, task, self.config.seed).set_index("controller")
-        return _framed(tables.formatted(tables.paper_table(self.metrics.to_dict("records"))))
-
-
-def _framed(table: Mapping[tuple[str, str], Mapping[str, Any]]) -> pd.DataFrame:
-    frame = pd.DataFrame(table, index=pd.Index(tables.ROWS, name="metric"))
-    return frame.rename_axis(columns=["controller", "side"])
+        return "".join([self.table.to_html(), *notes])
 
 
 class Evolution(NamedTuple):

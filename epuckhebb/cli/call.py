@@ -1,34 +1,20 @@
 """From a typed command to `epuckhebb.runs.hydra`; prints the runs or the jobs that it made."""
 
-import functools
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from epuckhebb.cli.console import Terminal
 from epuckhebb.cli.options import Output, RunOptions
 from epuckhebb.runtime import ConfigError, JobFailedError
 
 if TYPE_CHECKING:
-    from epuckhebb.analysis.evaluate import Rows
     from epuckhebb.studies.study import Planned
 
 
 def run_command(
-    command: str,
-    job: Callable[..., None],
-    prepare: Callable[..., Any],
-    words: list[str],
-    options: RunOptions,
-    *,
-    reports: bool = False,
-) -> list[Path]:
-    """Let Hydra run a command, and print the results; returns the run folders.
-
-    reports: whether the job takes, beside its configuration, a function that is given its folder when the tables are
-    in it. They are printed then, before the job ends.
-    """
-    from epuckhebb.cli import results
+    command: str, job: Callable[..., None], prepare: Callable[..., Any], words: list[str], options: RunOptions
+) -> None:
+    """Let Hydra run a command, and print the results."""
     from epuckhebb.config import check_config_dir, check_words
     from epuckhebb.runs import hydra
 
@@ -40,35 +26,22 @@ def run_command(
     check_words(command, words, several=multirun)
     if not options.cfg:
         hydra.check(command, words, config_dir, prepare, multirun=multirun)
-    early, errors = reports and not (multirun or options.quiet or options.as_json), list[Exception]()
-
-    def report(run: Path, metrics: "Rows") -> None:
-        try:
-            results.print_results(run, Terminal(), metrics)
-        except (ConfigError, OSError) as error:  # it does not end the run
-            errors.append(error)
-
-    if early:
-        job = functools.update_wrapper(functools.partial(job, report=report), job)
     runs = hydra.run(command, job, [*words, *flags], config_dir)
     if multirun and command == "evaluate" and runs:
         from epuckhebb.studies.sweep import write_summary_of_multirun
 
         write_summary_of_multirun(runs[0].parent, runs)
-    for error in errors:
-        raise error
     if not options.cfg:
-        print_runs(command, runs, options, reported=early)
-    return runs
+        print_runs(command, runs, options)
 
 
-def print_runs(command: str, runs: list[Path], output: Output, *, reported: bool = False) -> None:
-    """Print the results of the runs of one call. reported: whether those of its one run are printed already."""
+def print_runs(command: str, runs: list[Path], output: Output) -> None:
+    """Print the results of the runs of one call."""
     from epuckhebb.cli import show
 
     output.print(
         lambda: {"command": command, "runs": list(map(show.as_json, runs))},
-        lambda console: show.print_finished(runs, console, reported=reported),
+        lambda console: show.print_finished(runs, console),
     )
 
 

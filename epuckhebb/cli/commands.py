@@ -1,7 +1,6 @@
 """Declares the commands of `epuckhebb`. Each imports what is heavy when it is called, so help comes at once."""
 
-import os
-import socket
+import webbrowser
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +15,6 @@ from epuckhebb.cli.console import print_line
 from epuckhebb.cli.options import (
     Command,
     ConfigDir,
-    ConfiguredCommand,
     DryRun,
     Json,
     Open,
@@ -26,12 +24,11 @@ from epuckhebb.cli.options import (
     Run,
     RunOptions,
     StudyOptions,
-    experiment_argument,
     takes_options,
     with_experiment,
     with_genomes_named,
 )
-from epuckhebb.cli.output import open_in_browser, print_error
+from epuckhebb.cli.output import print_error
 from epuckhebb.runtime import JOB_FAILED, ConfigError
 
 if TYPE_CHECKING:
@@ -47,7 +44,7 @@ app = typer.Typer(
 )
 
 
-@app.command(cls=ConfiguredCommand)
+@app.command(cls=Command)
 @takes_options
 def evolve(overrides: Overrides = None, *, options: RunOptions) -> None:
     """Evolve a controller."""
@@ -66,23 +63,13 @@ def evolve(overrides: Overrides = None, *, options: RunOptions) -> None:
     run_command("evolve", evolve_job, check, words, options)
 
 
-@app.command(cls=ConfiguredCommand)
+@app.command(cls=Command)
 @takes_options
-def evaluate(overrides: Overrides = None, open_page: Open = False, *, options: RunOptions) -> None:
+def evaluate(overrides: Overrides = None, *, options: RunOptions) -> None:
     """A genome's lifetimes with and without plasticity."""
-    from epuckhebb.runs import as_evolved, evaluate_job, prepare_evaluation
+    from epuckhebb.runs import evaluate_job, prepare_evaluation
 
-    if open_page and (options.multirun or options.cfg):
-        raise ConfigError("--open shows the page of one run: leave out --multirun and --cfg")
-    recording = [word for word in overrides or [] if word.startswith("lifetime.record_every=")]
-    if open_page and recording[-1:] == ["lifetime.record_every=0"]:
-        raise ConfigError("--open shows what was recorded; give lifetime.record_every=8, or leave it out")
-    words = as_evolved(with_genomes_named(overrides), options.config_dir)
-    runs = run_command("evaluate", evaluate_job, prepare_evaluation, words, options, reports=True)
-    if open_page:
-        from epuckhebb.export.replay import replay as write_replay
-
-        open_in_browser(*write_replay(runs[0]))
+    run_command("evaluate", evaluate_job, prepare_evaluation, with_genomes_named(overrides), options)
 
 
 @app.command(cls=Command)
@@ -92,21 +79,18 @@ def replay(
         Path | None, typer.Option("--output", "-o", metavar="FILE", help="The page.  [RUN/replay.html]")
     ] = None,
     gif: Annotated[Path | None, typer.Option("--gif", metavar="FILE", help="Write a GIF, for slides.")] = None,
-    mp4: Annotated[
-        Path | None, typer.Option("--mp4", metavar="FILE", help='Write a film; needs "epuckhebb[video]".')
-    ] = None,
     open_page: Open = False,
 ) -> None:
-    """A page, or a film, to watch lifetimes or a flock."""
+    """A page, or a GIF, to watch lifetimes or a flock."""
     from epuckhebb.export.replay import replay as write_replay
     from epuckhebb.store import resolve_run
 
     run = resolve_run(run, "evaluate", "flock")
     page = output or (run / "replay.html" if open_page else None)
-    files = write_replay(run, page, gif, mp4)
+    files = write_replay(run, page, gif)
     typer.echo("\n".join(map(str, files)))
     if open_page:
-        open_in_browser(files[0])
+        webbrowser.open(files[0].resolve().as_uri())
 
 
 @app.command(cls=Command)
@@ -129,11 +113,13 @@ def figure(
     typer.echo(draw(run, name, kind, width, output) if name else "\n".join(names(run)))
 
 
-@app.command(cls=ConfiguredCommand)
+@app.command(cls=Command)
 def play(
     overrides: Overrides = None,
     side: Annotated[str, typer.Option("--side", metavar="left|right", help="The side of the goal.")] = "left",
-    port: Annotated[int, typer.Option("--port", metavar="PORT", help="The next free one is taken.")] = 8470,
+    port: Annotated[
+        int, typer.Option("--port", metavar="PORT", min=0, max=65535, help="If it is taken, any that is free.")
+    ] = 8470,
     browser: Annotated[
         bool, typer.Option("--browser/--no-browser", help="Open the page.  [yes]", show_default=False)
     ] = True,
@@ -141,28 +127,26 @@ def play(
     quiet: Quiet = False,
 ) -> None:
     """A live world in the browser, to disturb by hand."""
+    import webbrowser
+
     from epuckhebb.config import check_config_dir
-    from epuckhebb.live.server import Play, open_page
-    from epuckhebb.runs import as_evolved
+    from epuckhebb.live.server import Play
     from epuckhebb.runtime import be_quiet, say
 
     be_quiet(quiet)
     check_config_dir(config_dir)
-    words = as_evolved(with_genomes_named(overrides), config_dir)
-    with Play(words, side, config_dir, port) as live, suppress(KeyboardInterrupt):
-        forward = f"ssh -L {live.server.port}:127.0.0.1:{live.server.port} {socket.gethostname()}"
-        remote = f"On your own computer type `{forward}`, then open this address there."
-        say(remote if "SSH_CONNECTION" in os.environ else "Ctrl-C ends it.")
+    with Play(with_genomes_named(overrides), side, config_dir, port) as live, suppress(KeyboardInterrupt):
+        say("Ctrl-C ends it.")
         typer.echo(live.address)  # from here on, Ctrl-C is how it is ended
         if browser:
-            open_page(live.address)
+            webbrowser.open(live.address)
         live.wait()
 
 
-@app.command(cls=ConfiguredCommand)
+@app.command(cls=Command)
 @takes_options
 def reproduce(
-    words: Annotated[list[str] | None, experiment_argument()] = None,
+    words: Overrides = None,
     quick: Annotated[bool, typer.Option("--quick", help="A smoke test in two minutes: 3 champions, 2 rates.")] = False,
     *,
     options: Output,
@@ -174,10 +158,10 @@ def reproduce(
     run_study(plan(experiment, overrides, quick=quick), options)
 
 
-@app.command(cls=ConfiguredCommand)
+@app.command(cls=Command)
 @takes_options
 def leaderboard(
-    words: Annotated[list[str] | None, experiment_argument("reversal")] = None,
+    words: Overrides = None,
     quick: Annotated[
         bool,
         typer.Option("--quick", help="A smoke test in three minutes: 3 methods, 2 champions."),
@@ -194,7 +178,7 @@ def leaderboard(
     run_study(planned, options, dry_run=dry_run)
 
 
-@app.command(cls=ConfiguredCommand)
+@app.command(cls=Command)
 @takes_options
 def flock(
     overrides: Overrides = None,
@@ -210,7 +194,7 @@ def flock(
     run_study(plan(overrides or [], quick=quick, config_dir=options.config_dir), options)
 
 
-@app.command(cls=ConfiguredCommand)
+@app.command(cls=Command)
 @takes_options
 def sweep(
     name: Annotated[str, typer.Argument(metavar="NAME", hidden=True, autocompletion=completion.complete_sweep)],
@@ -221,13 +205,12 @@ def sweep(
 ) -> None:
     """A named sweep or your own study; again, it does the rest."""
     from epuckhebb.config import check_config_dir
-    from epuckhebb.runs import as_evolved
     from epuckhebb.studies.study import plan_own
     from epuckhebb.studies.sweep import plan
 
     config_dir, words = options.config_dir, with_genomes_named(overrides)
     check_config_dir(config_dir)
-    planned = plan_own(name, words) if ".py:" in name else plan(name, as_evolved(words, config_dir), config_dir)
+    planned = plan_own(name, words) if ".py:" in name else plan(name, words, config_dir)
     run_study(planned, options, dry_run=dry_run)
 
 
@@ -238,7 +221,6 @@ def show(
         typer.Argument(
             help="A folder of runs, latest, a champion's file, or reference_7.  [latest runs]",
             metavar="WHAT",
-            autocompletion=completion.complete_shown,
         ),
     ] = None,
     as_json: Json = False,
@@ -271,7 +253,6 @@ def export(
         typer.Argument(
             help="A run of evaluate, or a champion: a run of evolve, a file, reference_7.",
             metavar="RUN",
-            autocompletion=completion.complete_shown,
         ),
     ],
     webots: Annotated[bool, typer.Option("--webots", help="As a controller for the e-puck of Webots.")] = False,

@@ -1,19 +1,15 @@
-"""Completes choices, sweeps and run folders for the Tab key. A shell waits for it, so it imports nothing heavy."""
+"""Completes choices and sweeps for the Tab key. A shell waits for it, so it imports nothing heavy."""
 
 import os
 import shlex
-from pathlib import Path
 
 from epuckhebb.cli.keys import known
-from epuckhebb.runtime import LATEST, conf
+from epuckhebb.runtime import conf
 
 
 def complete_override(command: str, incomplete: str) -> list[str]:
-    """Completions of an override: the choices of the groups of a command, and the genomes that there are."""
+    """Completions of an override: the choices of the groups of a command."""
     groups = {"methods" if group == "method" else group: choices for group, choices in conf.groups(command).items()}
-    groups["genome"] = ["reference", LATEST, *_runs("evolve")]
-    if command == "evolve":
-        groups["resume"] = [LATEST, *_runs("evolve")]
     word, is_split = _override(incomplete)
     found = [
         offer for key, choices in groups.items() for offer in _starting(word, *(f"{key}={one}" for one in choices))
@@ -24,16 +20,6 @@ def complete_override(command: str, incomplete: str) -> list[str]:
 def complete_sweep(incomplete: str) -> list[str]:
     """Completions of the name of a sweep."""
     return _starting(incomplete, *conf.groups("sweep")["experiment"])
-
-
-def complete_run(incomplete: str) -> list[str]:
-    """Completions of a run folder."""
-    return _starting(incomplete, LATEST, *_runs("*"))
-
-
-def complete_shown(incomplete: str) -> list[str]:
-    """Completions of what `show` can tell of."""
-    return _starting(incomplete, LATEST, "reference", *_runs("*"))
 
 
 def complete_group(incomplete: str) -> list[str]:
@@ -56,7 +42,3 @@ def _override(incomplete: str) -> tuple[str, bool]:
 
 def _starting(incomplete: str, *names: str) -> list[str]:
     return [name for name in names if name.startswith(incomplete)]
-
-
-def _runs(command: str) -> list[str]:
-    return sorted(str(status.parent) for status in Path("runs").glob(f"{command}/*/status.json"))

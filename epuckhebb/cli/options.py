@@ -5,9 +5,8 @@ import inspect
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 from rich.console import Console
@@ -16,7 +15,7 @@ from typer.core import TyperCommand
 from epuckhebb.cli import completion
 from epuckhebb.cli.console import Terminal
 from epuckhebb.cli.output import json_text, report_errors
-from epuckhebb.runtime import LATEST, REFERENCE, be_quiet, conf
+from epuckhebb.runtime import LATEST, REFERENCE, be_quiet
 
 _FROM_TO = re.compile(rf"{REFERENCE}_(\d+),\.\.\.,{REFERENCE}_(\d+)")
 
@@ -38,46 +37,21 @@ class Command(TyperCommand):
                 formatter.write(f"  epuckhebb {command} {example}".rstrip() + "\n")
 
 
-class ConfiguredCommand(Command):
-    """A command that takes `key=value`; its help names the configuration groups, and the sweeps."""
-
-    def format_epilog(self, ctx: Any, formatter: Any) -> None:
-        """Write the names below the options."""
-        groups = dict(conf.groups(str(ctx.info_name)))
-        sweeps = groups.pop("experiment", [])
-        if ctx.info_name == "sweep":
-            with formatter.section("Names, beside those of your own"):
-                formatter.write_text(", ".join(sweeps))
-        with formatter.section("Groups (GROUP=CHOICE, GROUP.KEY=VALUE; epuckhebb keys GROUP lists both)"):
-            formatter.write_text(", ".join(groups))
-
-
 _EXAMPLES = {
-    "evolve": [
-        "seed=7",
-        "scenario=highlight optimizer=sep_cma_es training=varied",
-        "resume=runs/evolve/RUN ga.generations=60",
-        '-m "seed=range(1,21)" hydra/launcher=joblib',
-    ],
+    "evolve": ["seed=7", "resume=runs/evolve/RUN ga.generations=60", '-m "seed=range(1,21)" hydra/launcher=joblib'],
     "evaluate": [
         "scenario=lowlight hebbian.N=0.002 repeats=50",
-        "genome=runs/evolve/RUN scenario=2obstacles",
-        'scenario=highlight "change=[slip_left,ir_low]"',
-        'scenario=lowlight "compare=[late,none]"',
+        'genome=runs/evolve/RUN "change=[slip_left,ir_low]"',
+        '"compare=[late,none]" scenario=lowlight',
         "-m hebbian.N=0,1.5e-5,0.002 scenario=base,4obstacles",
     ],
     "replay": ["latest --open", "runs/evaluate/RUN --gif film.gif"],
-    "figure": ["latest trajectories --format pdf --width 180", "runs/sweep/RUN rescue_and_harm --format svg"],
-    "play": ["scenario=4obstacles", "hebbian=oja scenario=lowlight", "adaptation=novelty --side right"],
-    "reproduce": ["--quick", "obstacles champions=40", "all genome=Best.npy signal=as_coded"],
-    "leaderboard": [
-        "--quick",
-        "obstacles methods=modulated,abcd_shared champions=4",
-        "light methods=my_rules.py:Mine",
-        "all hydra/launcher=slurm",
-    ],
-    "flock": ["--quick", "flock=live_fitness flock.breaks=knower", "flock.coupling=my_couplings.py:Mine repeats=5"],
-    "sweep": ["light", 'n_sweep "seed=range(1,6)" genome=runs/evolve/RUN --dry-run', "my_studies.py:Mine repeats=5"],
+    "figure": ["latest trajectories --format pdf --width 180"],
+    "play": ["scenario=4obstacles", "adaptation=novelty --side right"],
+    "reproduce": ["--quick", "obstacles champions=40"],
+    "leaderboard": ["--quick", "obstacles methods=modulated,abcd_shared", "all hydra/launcher=slurm"],
+    "flock": ["--quick", "flock=live_fitness flock.breaks=knower"],
+    "sweep": ["light", "n_sweep genome=runs/evolve/RUN --dry-run", "my_studies.py:Mine repeats=5"],
     "show": ["", "latest", "reference_7"],
     "keys": ["scenario", "evolve"],
     "export": ["runs/evaluate/RUN --webots", "reference_7 --webots --output controllers/genes_only"],
@@ -93,22 +67,13 @@ Overrides = Annotated[
     list[str] | None,
     typer.Argument(metavar="[KEY=VALUE]...", hidden=True, autocompletion=_complete_override),
 ]
-Run = Annotated[
-    Path, typer.Argument(metavar="RUN", help="Its folder, or latest.", autocompletion=completion.complete_run)
-]
+Run = Annotated[Path, typer.Argument(metavar="RUN", help="Its folder, or latest.")]
 Multirun = Annotated[bool, typer.Option("--multirun", "-m", help="Run every combination of comma-separated values.")]
 
 
-class Shown(StrEnum):
-    """The part of a configuration that `--cfg` shows."""
-
-    job = "job"
-    hydra = "hydra"
-    all = "all"
-
-
 Cfg = Annotated[
-    Shown | None, typer.Option("--cfg", "-c", metavar="job|hydra|all", help="Show the configuration, run nothing.")
+    Literal["job", "hydra", "all"] | None,
+    typer.Option("--cfg", "-c", metavar="job|hydra|all", help="Show the configuration, run nothing."),
 ]
 ConfigDir = Annotated[
     str | None,
@@ -166,15 +131,6 @@ def takes_options(command: Callable[..., None]) -> Callable[..., None]:
     called.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
     called.__annotations__ = {one.name: one.annotation for one in parameters}
     return called
-
-
-def experiment_argument(*others: str) -> Any:
-    """The argument of a study: an experiment, the paper's, others or all of them, and settings."""
-    return typer.Argument(
-        metavar=f"[{'|'.join(('light', 'obstacles', *others, 'all'))}] [KEY=VALUE]...",
-        hidden=True,
-        autocompletion=_complete_override,
-    )
 
 
 def with_experiment(words: list[str] | None, default: str) -> tuple[str, list[str]]:

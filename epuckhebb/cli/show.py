@@ -1,7 +1,5 @@
 """Prints what a run, a folder of runs or a champion holds, in the terminal or as JSON."""
 
-import re
-import shlex
 from pathlib import Path
 from typing import Any
 
@@ -10,52 +8,36 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from epuckhebb.analysis import tables
 from epuckhebb.cli import results
 from epuckhebb.cli.console import print_line, print_table
 from epuckhebb.runtime import ConfigError
-from epuckhebb.store import CONFIG, Genome, Run, below_runs, is_bundled, load_genome, of_multirun, resolve_run
+from epuckhebb.store import Genome, Run, below_runs, is_bundled, load_genome, of_multirun, resolve_run
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.scenario import EXPERIMENTS
 
 _LATEST = 10  # runs that are listed when none is named
-_NEEDED = re.compile(r"(hebbian|network|physics|robot)[.=]")  # settings without which a champion is not what it was
-_CHANGED = {"light": "lowlight", "obstacles": "4obstacles"}  # a changed world of each experiment
 
 
-def print_finished(finished: list[Path], console: Console, *, reported: bool = False) -> None:
-    """Print the results of the runs of one call: all of one run unless reported before, a table over many.
-
-    After an evolution, print what to type to see its champion, and to evaluate it.
-    """
+def print_finished(finished: list[Path], console: Console) -> None:
+    """Print the results of the runs of one call."""
     if len(finished) > 1:
-        _print_multirun(finished, console, each=not Run(finished[0].parent).has("summary.csv"))
-    if len(finished) != 1:
-        return
-    (path,) = finished
-    if not reported:
+        _print_multirun(finished, console)
+    for path in finished if len(finished) == 1 else ():
         results.print_results(path, console)
-    print_line(console, f"Run folder: {path}")
-    champion = load_genome(str(path), "") if Run(path).has("champion.npz") else None
-    if champion is not None and champion.task:
-        settings = f"task={champion.task} hebbian={champion.rule or 'none'} repeats=100"
-        print_line(console, f"To evaluate it in new lifetimes: epuckhebb evaluate genome=latest {settings}")
-    elif champion is not None:
-        changed = _CHANGED[champion.nominal.experiment if champion.nominal else "obstacles"]
-        needed = [word for word in Run(path).provenance["overrides"] if _NEEDED.match(word)]
-        words = " ".join(["genome=latest", f"scenario={changed}", *map(shlex.quote, needed)])
-        print_line(console, "What it remembers of its training world: epuckhebb show latest")
-        print_line(console, f"To evaluate it in a changed world: epuckhebb evaluate {words}")
+        print_line(console, f"Run folder: {path}")
 
 
-def _print_multirun(finished: list[Path], console: Console, *, each: bool) -> None:
-    """Print each run of a multirun if so wished, then the tables over all runs, and where they are."""
-    for path in finished if each else ():
-        _print_in_short(console, f"{path.name}  {' '.join(Run(path).provenance['overrides'])}", _in_short(path))
+def _print_multirun(finished: list[Path], console: Console) -> None:
+    """Print the tables over all runs of a multirun, or a line for each run, and where they are."""
     folder = finished[0].parent
     if Run(folder).has("summary.csv"):
         from epuckhebb.studies.sweep import Sweep  # studies take a while to load
 
         results.print_study(Sweep, folder, console)
+    else:
+        for path in finished:
+            print_line(console, f"{path.name}  {' '.join(Run(path).provenance['overrides'])}  {_in_short(path)}")
     print_line(console, f"Run folders: {folder}/{finished[0].name} to {folder}/{finished[-1].name}")
 
 
@@ -72,7 +54,7 @@ def show(what: str | None, console: Console) -> None:
                 result = _in_short(path)
             except ConfigError as error:
                 result = str(error)
-            _print_in_short(console, str(path), result)
+            print_line(console, f"{path}  {result}")
         return
     genomes = genomes_named(what)
     for genome, experiment in genomes:
@@ -83,7 +65,7 @@ def show(what: str | None, console: Console) -> None:
         return
     path = resolve_run(what)
     if many := of_multirun(path):
-        _print_multirun(many, console, each=True)
+        _print_multirun(many, console)
     else:
         _print_run(path, console)
 
@@ -98,11 +80,7 @@ def shown_as_json(what: str | None) -> dict[str, Any]:
             "sha256": genome.sha256,
             "experiment": experiment,
             "layers": list(genome.network.layers),
-            "parts": {part.name: part.size for part in genome.plan.parts},
             "robot": genome.robot,
-            "optimizer": genome.optimizer,
-            "training": genome.training,
-            "physics": genome.physics or PYMUNK.name,
         }
         for genome, experiment in genomes_named(what)
     ]
@@ -123,18 +101,17 @@ def as_json(path: Path) -> dict[str, Any]:
     return values
 
 
-def _print_in_short(console: Console, run: str, result: str) -> None:
-    """Print a run in a line of its own, which can be copied whole, and its result below it."""
-    console.print(Text(run, style="bold"), soft_wrap=True)
-    for line in result.splitlines():
-        print_line(console, f"  {line}")
-
-
 def _in_short(path: Path) -> str:
-    status = Run(path).status
+    """The state of a run, and its result in a few words."""
+    run, status = Run(path), Run(path).status
     if status["state"] != "finished":
         return ": ".join(filter(None, (status["state"], status.get("error", ""))))
-    return results.in_short(path)
+    if run.has("history.csv"):
+        return f"best fitness {run.rows('history.csv')[-1]['best_fitness']:.3f}"
+    if not run.has("metrics.csv"):
+        return "finished"
+    table = tables.paper_table(run.rows("metrics.csv"))
+    return ", ".join(f"{name} {side} {means['Success']:.2f}" for (name, side), means in table.items())
 
 
 def _print_run(path: Path, console: Console) -> None:
@@ -151,15 +128,11 @@ def _print_run(path: Path, console: Console) -> None:
     for name, value in {
         "Command": " ".join(run["command_line"]),
         "Settings": " ".join(run["overrides"]) or "as by default",
-        "All settings": CONFIG if Run(path).has(CONFIG) else "",
         "State": status["state"] + (f": {status['error']}" if status.get("error") else ""),
         "Time": f"{status['started']} – {status.get('finished', '')}" if "started" in status else "",
-        "Resumed": ", ".join(again["started"] for again in run.get("resumed", [])),
         "Program": f"epuckhebb {code['version']}{commit}; packages and machine: provenance.json",
-        "Own code": ", ".join(run.get("own_code", {})),
         "Genome": f"{run['genome']} (SHA-256 {run['genome_sha256']})" if "genome" in run else "",
         "Files": ", ".join(sorted(f"{entry.name}/" if entry.is_dir() else entry.name for entry in path.iterdir())),
-        "Lost": ", ".join(Run(path).lost),
     }.items():
         if value:
             facts.add_row(name, Text(value))
@@ -190,22 +163,12 @@ def print_champion(genome: Genome, console: Console) -> None:
     nominal = genome.nominal
     if nominal is None:
         return
-    rows: list[tuple[str, ...]] = []
+    rows = []
     for name, numbers in {
         "At the goal in the end": nominal.success,
         "Slowest arrival (s)": nominal.time_to_goal_s,
         "Longest away afterwards (s)": nominal.away_s,
     }.items():
         rows.append((name, *("never" if np.isnan(number) else f"{number:g}" for number in numbers.round(2))))
-    n = max(1, nominal.fitness.shape[1] // 12)  # the first and the last twelfth
-    ends = (f"{fitness[:n].mean():.2f} → {fitness[-n:].mean():.2f}" for fitness in nominal.fitness)
-    rows.append((f"Least live fitness, over {nominal.fitness.shape[1]} s", *ends))
-    own = genome.sensors.split(", ") if genome.sensors else []
-    end = genome.network.inputs - len(own)
-    names = [f"Light reading {place}" for place in range(genome.lights)]
-    names += [f"Distance reading {place}" for place in range(end - genome.lights)]
-    for name, means, spreads in zip([*names, *own], nominal.reading_mean.T, nominal.reading_spread.T, strict=True):
-        cells = (f"{mean:.2f} ± {spread:.2f}" for mean, spread in zip(means, spreads, strict=True))
-        rows.append((name, *cells))
     title = f"Nominal: {nominal.scenario} at {nominal.gain_rad_s:g} rad/s"
     print_table(console, title, ("", "left (lamp off)", "right (lamp on)"), rows)

@@ -37,7 +37,7 @@ from epuckhebb.config.plugins import (
     own_references,
     own_sources,
 )
-from epuckhebb.config.resolve import brings_physics, training_world, usual_physics
+from epuckhebb.config.resolve import training_world, usual_physics
 from epuckhebb.config.schema import (
     MOST_THREADS,
     SCHEMAS,
@@ -48,7 +48,6 @@ from epuckhebb.config.schema import (
     Plain,
     dump,
     register,
-    say_unusual,
     typed,
 )
 from epuckhebb.config.stored import from_values, without_own_code

@@ -7,9 +7,9 @@ from typing import Any
 
 from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.config import hand
-from epuckhebb.config.parts import GENETIC, NONE, PAPER, part_class, part_from, part_names
+from epuckhebb.config.parts import GENETIC, NONE, PAPER, part_class, part_from
 from epuckhebb.config.parts_from_yaml import maze_from, robot_from
-from epuckhebb.config.values import part_settings, row
+from epuckhebb.config.values import converted, part_settings
 from epuckhebb.controller.network import HIDDEN, Network
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.plasticity.rule import NO_RULE, NoRule, Reward, Rule, receives_reward
@@ -17,9 +17,9 @@ from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.controller.wiring import Wiring
 from epuckhebb.evolution.optimizer import Algorithm
 from epuckhebb.runtime import ConfigError
-from epuckhebb.tmaze.individual import CONTROLS, GA, HEBBIAN, Controller
+from epuckhebb.tmaze.individual import CONTROLS, GA, Controller
 from epuckhebb.tmaze.lifetime_kernel import check_inputs
-from epuckhebb.tmaze.maze import SIDES, Maze, Place, Pose, Side
+from epuckhebb.tmaze.maze import Place, Pose, Side
 from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.robot import OUTPUTS
@@ -38,34 +38,18 @@ def rule_from(settings: Mapping[str, Any], key: str) -> Rule:
         return rule
     if len(given) > 1:
         useless = next(name for name in given if name != "rule")
-        raise ConfigError(
-            f"{key}.{useless} does nothing with {key}=none, which is no plasticity; choose a rule: "
-            f"{key}={', '.join(part_names('rule'))}"
-        )
+        raise ConfigError(f"{key}.{useless} does nothing with {key}=none, which is no plasticity; choose a rule")
     return NO_RULE
 
 
 def optimizer_from(settings: Mapping[str, Any], ga: Algorithm | None) -> Algorithm:
     """The optimizer that a part of the configuration describes. ga: the genetic algorithm; None for another one."""
-    if settings.get("algorithm") != GENETIC:
-        optimizer: Algorithm = part_from("optimizer", settings, "optimizer")
-        if ga is not None:
-            raise not_its_settings(str(settings.get("algorithm")))
-        return optimizer
-    useless = [f"optimizer.{name}" for name in settings if name != "algorithm"]
-    if useless:
-        raise ConfigError(f"{useless[0]} does nothing with optimizer=ga, whose settings are ga.population and so on")
-    if ga is None:
-        raise ConfigError("optimizer=ga needs settings: give ga=textbook or ga=as_coded")
-    return ga
-
-
-def not_its_settings(optimizer: str) -> ConfigError:
-    """The error of settings of the genetic algorithm for another optimizer."""
-    return ConfigError(
-        f"ga and its keys are settings of optimizer=ga; those of optimizer={optimizer} are optimizer.population and so "
-        "on. Leave out ga, or give optimizer=ga"
-    )
+    if (settings.get("algorithm") == GENETIC) != (ga is not None) or (ga is not None and len(settings) > 1):
+        raise ConfigError(
+            "ga.population and the other keys of ga are the settings of optimizer=ga alone, and needed there; those of "
+            f"another optimizer are optimizer.population and so on; got optimizer={dict(settings)}, ga={ga}"
+        )
+    return part_from("optimizer", settings, "optimizer") if ga is None else ga
 
 
 def controller_from(hebbian: Mapping[str, Any], adaptation: Adaptation, key: str = "hebbian") -> Controller:
@@ -100,14 +84,8 @@ def compared(name: str, settings: Any, paper_rate: float) -> Controller:
     They may have `adaptation`, a mapping with the keys of the group (its name has been looked up before).
     """
     key = f"compare.{name}"
-    if name in (GA, HEBBIAN, NONE, PAPER) and not (name == HEBBIAN and settings == {}):
-        raise ConfigError(f"{key}: the name is taken ({GA} is the control that always runs); give another")
-    if not isinstance(settings, Mapping):
-        raise ConfigError(f"{key} must be settings of a rule, for example {{N: 0.002, sign: shuffled}}, got {settings}")
-    own = dict(settings)
+    own = dict(converted(key, settings, dict[str, Any]))
     over = own.pop("adaptation", None) or {}
-    if not isinstance(over, Mapping):
-        raise ConfigError(f"{key}.adaptation must be the name of an adaptation, or its settings, got {over}")
     over = part_settings(Adaptation, over, f"{key}.adaptation", "an adaptation", change_signal=str)
     rule_settings = {"rule": PAPER, **own}
     if rule_settings["rule"] != NONE:
@@ -148,17 +126,15 @@ def scenario_from(
     in_maze, of_kind = maze_from(maze), robot_from(robot)
     start = values.pop("start")
     if start is not None:
-        x, y, heading_deg = row("scenario.start", start, ("x", "y", "heading_deg"))
+        x, y, heading_deg = converted("scenario.start", start, tuple[float, float, float])
         in_maze = replace(in_maze, start=Pose(x, y, math.radians(heading_deg)))
-    for number, change in enumerate(values["changes"]):
-        if not isinstance(change, Mapping):
-            raise ConfigError(f"scenario.changes[{number}] must be as {{at_s: 60, light: 1.0}}, got {change}")
-    values["changes"] = tuple(map(dict, values["changes"]))
+    values["changes"] = converted("scenario.changes", values["changes"], tuple[dict[str, Any], ...])
     values["hand"] = () if values["hand"] is None else hand.read(values["hand"])
     if isinstance(values["dead_sensors"], list):
         values["dead_sensors"] = tuple(values["dead_sensors"])
     if values["goals"] is not None:
-        goals = _goals(values["goals"], in_maze)
+        given = converted("scenario.goals", values["goals"], dict[Side, Place | None])
+        goals = {**in_maze.goals, **{side: place for side, place in given.items() if place}}
         values["goals"] = None if goals == in_maze.goals else goals
     return Scenario(
         **values,
@@ -168,14 +144,6 @@ def scenario_from(
         fitness=PAPER_FITNESS if fitness is None else part_from("fitness", fitness, "fitness"),
         physics=PYMUNK if physics is None else part_from("physics", physics, "physics"),
     )
-
-
-def _goals(given: Any, maze: Maze) -> dict[Side, Place]:
-    """Goals of both sides; a side that is left out keeps the maze's."""
-    if not isinstance(given, Mapping) or not set(given) <= set(SIDES):
-        raise ConfigError(f"scenario.goals must be {{left: [x, y], right: [x, y]}} in m, got {given}")
-    places = ((side, given[side]) for side in SIDES if given.get(side) is not None)
-    return {**maze.goals, **{side: Place(*row(f"scenario.goals.{side}", at, Place._fields)) for side, at in places}}
 
 
 def check_library(world: Scenario) -> None:

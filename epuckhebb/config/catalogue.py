@@ -4,10 +4,10 @@ Schemas and rows are nodes of Hydra's ConfigStore. The user's folder (`--config-
 so that a file of the user's wins over ours of the same name.
 """
 
+import functools
 import itertools
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,13 +25,11 @@ from epuckhebb.config.overrides import with_names_compared
 from epuckhebb.config.schema import SCHEMAS, structured
 from epuckhebb.runtime import ConfigError, conf, data_folder
 
-IS_HYDRA_1_4 = int(version("hydra-core").split(".")[1]) >= 4
-VERSION_BASE: dict[str, Any] = {} if IS_HYDRA_1_4 else {"version_base": "1.3"}  # from 1.4 on it is warned about
+VERSION_BASE = "1.3"  # of Hydra
 USERS = "command-line"  # who brings the user's folder, as Hydra names it for its own --config-dir
 NULL = "None"  # the choice of a group of which none was made
 BROUGHT = ("maze", "physics")  # groups of which a change of the world may name another choice
 BRIGHT, DIM = 1.0, 0.1  # the light of the two experiments
-_MOST_FILES = 1000  # in the user's folder
 _stored: list[ConfigStore] = []  # the store, if it has the program's rows and no user's
 
 
@@ -59,7 +57,7 @@ def by_hydra(command: str, overrides: list[str], config_dir: str | None) -> Comp
     """A configuration as Hydra composes it."""
     overrides = list(map(with_names_compared, overrides))
     try:
-        with catalogue(command, config_dir), initialize_config_dir(str(data_folder("conf")), **VERSION_BASE):
+        with catalogue(command, config_dir), initialize_config_dir(str(data_folder("conf")), version_base=VERSION_BASE):
             cfg = compose(command, overrides, return_hydra_config=True)
     except ConfigError:
         raise
@@ -70,6 +68,12 @@ def by_hydra(command: str, overrides: list[str], config_dir: str | None) -> Comp
     with flag_override(cfg, ["struct", "readonly"], [False, False]):
         hydra = cfg.pop("hydra")
     return Composed(cfg, hydra, choices_of(hydra.runtime))
+
+
+@functools.lru_cache(maxsize=256)
+def of_program(command: str, *overrides: str) -> Composed:
+    """A configuration as Hydra composes it without files of the user's, not to be changed."""
+    return by_hydra(command, list(overrides), None)
 
 
 def choices_of(runtime: Any) -> dict[str, str]:
@@ -129,7 +133,7 @@ def _store(command: str, folder: Path | None) -> None:
 
 def _files(folder: Path, group: str) -> Iterator[Path]:
     """The files of a group in the user's folder."""
-    return itertools.islice(sorted((folder / group).glob("*.yaml")), _MOST_FILES)
+    yield from sorted((folder / group).glob("*.yaml"))
 
 
 def _refuse_environment(*_: Any, _node_: Any) -> None:
@@ -137,7 +141,11 @@ def _refuse_environment(*_: Any, _node_: Any) -> None:
     raise ConfigError(f"{key}: environment variables are not read by a configuration; write the value itself")
 
 
-register: Any = OmegaConf.register_resolver if IS_HYDRA_1_4 else OmegaConf.register_new_resolver  # its name changed
-register("epuckhebb.by_experiment", lambda values, *, _root_: values[_root_.scenario.experiment], replace=True)
-register("epuckhebb.other_light", lambda light: DIM if light > (BRIGHT + DIM) / 2 else BRIGHT, replace=True)
-register("oc.env", _refuse_environment, replace=True)  # what is written down of a run would tell of its surroundings
+OmegaConf.register_new_resolver(
+    "epuckhebb.by_experiment", lambda values, *, _root_: values[_root_.scenario.experiment], replace=True
+)
+OmegaConf.register_new_resolver(
+    "epuckhebb.other_light", lambda light: DIM if light > (BRIGHT + DIM) / 2 else BRIGHT, replace=True
+)
+# What is written down of a run would tell of its surroundings.
+OmegaConf.register_new_resolver("oc.env", _refuse_environment, replace=True)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from omegaconf import DictConfig, OmegaConf, flag_override
 
 from epuckhebb.config import hand
-from epuckhebb.config.catalogue import by_hydra
+from epuckhebb.config.catalogue import Composed, by_hydra, of_program
 from epuckhebb.config.overrides import literal, parsed
 from epuckhebb.config.parts import PART_GROUPS
 from epuckhebb.config.plugins import own_references
@@ -48,14 +48,20 @@ def usual_world(
     def chosen(*groups: str) -> list[str]:
         return [f"{group}='{choices[group]}'" for group in groups]
 
-    def usual(folder: str | None) -> UsualWorld:
-        named = [*chosen("scenario"), *changes_named]
-        found = by_hydra(command, named, folder)
-        differ = [group for group in (*_PARTS, *_USUAL) if choices.get(group) != found.choices.get(group)]
-        if differ:
-            found = by_hydra(command, [*named, *chosen(*differ)], folder)
+    def compose(folder: str | None, *words: str) -> Composed:
+        if folder is None:
+            return of_program(command, *words)
+        found = by_hydra(command, list(words), folder)
         with flag_override(found.cfg, ["struct", "readonly"], [False, False]):
             find_own_files(found.cfg)
+        return found
+
+    def usual(folder: str | None) -> UsualWorld:
+        named = [*chosen("scenario"), *changes_named]
+        found = compose(folder, *named)
+        differ = [group for group in (*_PARTS, *_USUAL) if choices.get(group) != found.choices.get(group)]
+        if differ:
+            found = compose(folder, *named, *chosen(*differ))
         return UsualWorld(found.cfg, [group for group in differ if group in _PARTS])
 
     try:

@@ -1,6 +1,5 @@
 """Reads the overrides of a command line as Hydra does, and writes values, and the keywords of Python, as overrides."""
 
-import filecmp
 import functools
 import itertools
 import math
@@ -21,14 +20,9 @@ from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.adaptation.adaptation import NONE, Adaptation
 from epuckhebb.config.schema import OPEN, SCHEMAS
-from epuckhebb.controller.plasticity.rule import Rule
-from epuckhebb.controller.wiring import Wiring
-from epuckhebb.evolution.optimizer import Optimizer
-from epuckhebb.runtime import ConfigError, conf, data_folder, did_you_mean, say
-from epuckhebb.tmaze.own_fitness import Fitness
+from epuckhebb.controller.own_class import OwnClass
+from epuckhebb.runtime import ConfigError, conf, did_you_mean
 
-# Which key has the file of what is in one.
-_NAMED_BY = {Rule: "rule", Fitness: "function", Wiring: "wiring", Optimizer: "algorithm"}
 SWEEP_DIR = "hydra.sweep.dir="
 _PLAIN = re.compile(r"[A-Za-z0-9_./:%@+-]+")  # what needs no quotes as the value of an override
 _BELOW = tuple(f"{key}." for key in OPEN)  # the schema does not know what keys there are
@@ -45,10 +39,7 @@ def parsed(words: Iterable[str]) -> list[Override]:
         return list(OverridesParser.create().parse_overrides(words))
     except HydraException as error:
         given = str(getattr(error, "override", error))
-        raise ConfigError(
-            f"{given} cannot be read; settings are written KEY=VALUE, without spaces, for example scenario=4obstacles"
-            + (". A ~ needs quotes within quotes, for example \"genome='~/champion.npz'\"" if "~" in given else "")
-        ) from error
+        raise ConfigError(f"{given} cannot be read; settings are written KEY=VALUE, without spaces") from error
 
 
 def check_words(command: str, words: Sequence[str], *, several: bool = False) -> None:
@@ -59,8 +50,7 @@ def check_words(command: str, words: Sequence[str], *, several: bool = False) ->
         if key == "changed":
             raise ConfigError("changed is filled in by the program, with what differs from the named scenario")
         if override.is_sweep_override() and not several:
-            number = f". A number is written {line.replace(',', '.')}" if re.search(r"=\d+,\d+$", line) else ""
-            raise ConfigError(f"{line} has several values; to do a run with each of them, add -m (--multirun){number}")
+            raise ConfigError(f"{line} has several values; to do a run with each of them, add -m (--multirun)")
         value = override.value()
         if isinstance(value, Glob) or (
             isinstance(value, ChoiceSweep) and any(isinstance(one, Sweep | Glob) for one in value.list)
@@ -138,19 +128,9 @@ def with_names_compared(argument: str) -> str:
 
 
 def check_config_dir(config_dir: str | None) -> None:
-    """Refuse a folder of configuration files that is not there, and name its files that win over the program's."""
-    if config_dir is None:
-        return
-    mine, ours = Path(config_dir), data_folder("conf")
-    if not mine.is_dir():
+    """Refuse a folder of configuration files that is not there."""
+    if config_dir is not None and not Path(config_dir).is_dir():
         raise ConfigError(f"--config-dir={config_dir} is no folder; give one with files such as scenario/mine.yaml")
-    both = [file.relative_to(ours) for file in sorted(ours.rglob("*.yaml"))]
-    both += [Path(group, f"{name}.yaml") for group in conf.TABLES for name in sorted(conf.table(group))]
-    there = (file for file in both if (mine / file).is_file())
-    instead = [one for one in there if not (ours / one).is_file() or not filecmp.cmp(mine / one, ours / one, False)]
-    if instead:
-        names = ", ".join("=".join(str(file.with_suffix("")).rsplit("/", 1)) for file in instead)
-        say(f"Files of yours in {mine} replace the program's: {names}.")
 
 
 def overrides_of(overrides: Sequence[Any], keys: Mapping[str, Any]) -> list[str]:
@@ -158,21 +138,14 @@ def overrides_of(overrides: Sequence[Any], keys: Mapping[str, Any]) -> list[str]
     for override in overrides:
         if not isinstance(override, str) or "=" not in override:
             raise ConfigError(f"overrides are texts such as 'scenario=4obstacles', or keywords; got {override!r}")
-    for key, value in keys.items():
-        if key in conf.groups("evaluate") and key != "change" and isinstance(value, list | tuple | np.ndarray):
-            raise ConfigError(f"{key} must be one, got {value!r}; for several in turn: sweep(over={{{key!r}: [...]}})")
     words = [word for key, value in keys.items() for word in _overrides_of_keyword(key, value)]
     return [*words, *overrides]
 
 
 def _overrides_of_keyword(key: str, value: Any) -> Iterator[str]:
     """The overrides that a keyword stands for: one, or those of the keys below it."""
-    if isinstance(value, type):
-        raise ConfigError(f"{key} must be an object or a name, got a class; give an object of it, with its settings")
-    own = next((inner for kind, inner in _NAMED_BY.items() if isinstance(value, kind)), None)
-    if own is not None:
-        name = type(value).__name__
-        raise ConfigError(f"{key} of this call cannot be an object; give its file: {key}={{'{own}': 'FILE.py:{name}'}}")
+    if isinstance(value, type) or (isinstance(value, OwnClass) and key != "ga"):
+        raise ConfigError(f"{key} must be a name or settings here, got {value}; of a part of your own: FILE.py:NAME")
     if isinstance(value, Adaptation) and value.acts and value.name == NONE:
         raise ConfigError(f"{key} needs a name for tables and figures; give Adaptation(name='mine', ...)")
     if is_dataclass(value):

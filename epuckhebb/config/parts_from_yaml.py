@@ -4,8 +4,8 @@ The keys are the fields of `Maze`, of `Robot` and of its sensors, and the types 
 """
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple, get_type_hints
+from collections.abc import Mapping
+from typing import Any, NamedTuple, get_type_hints
 
 from epuckhebb.config.parts import part_from
 from epuckhebb.config.values import part_settings, record
@@ -40,7 +40,7 @@ def maze_from(value: object) -> Maze:
     A key `lamp` is left to the scenario.
     """
     given = {key: item for key, item in value.items() if key != _LAMP} if isinstance(value, Mapping) else value
-    values = part_settings(Maze, given, "maze", "", start=_Start)
+    values = part_settings(Maze, given, "maze", "a maze", start=_Start)
     x, y, heading_deg = values.pop("start")
     return Maze(**values, start=Pose(x, y, math.radians(heading_deg)))
 
@@ -54,13 +54,9 @@ def robot_from(value: object) -> Robot:
     kinds = {name: kind for name, kind in get_type_hints(Robot).items() if name != "sensors"}
     kinds["light_places"] = get_type_hints(LightSensors)["places"]
     kinds |= {key: distance[field] for key, field in _OF_DISTANCE.items()}
-    kinds[_OWN] = list
-    given = {_OWN: [], **value} if isinstance(value, Mapping) else value
-    own = given.pop(_OWN) if isinstance(given, dict) else []
-    if isinstance(own, str) or not isinstance(own, Sequence):
-        raise ConfigError(f"robot.{_OWN} must be a list, [{{sensor: FILE.py:NAME}}], got {own!r}")
-    values = record("robot", given, kinds, {_OWN: [], "solid": None})
-    values.setdefault("solid", None)
+    kinds[_OWN] = list[Any]
+    values = {"solid": None, _OWN: [], **record("robot", value, kinds, {_OWN: [], "solid": None}, "a robot")}
+    own = values.pop(_OWN)
     light = LightSensors(places=values.pop("light_places"))
     felt = DistanceSensors(**{field: values.pop(key) for key, field in _OF_DISTANCE.items()})
     more = [_own_sensor(settings, f"robot.{_OWN}[{number}]") for number, settings in enumerate(own)]

@@ -16,7 +16,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config import yaml_file
 from epuckhebb.config.build import scenario_from
-from epuckhebb.config.catalogue import BROUGHT, NULL, by_hydra, changes
+from epuckhebb.config.catalogue import BROUGHT, NULL, by_hydra, changes, of_program
 from epuckhebb.config.changed import differences, find_own_files, usual_world
 from epuckhebb.config.errors import explain
 from epuckhebb.config.overrides import literal
@@ -124,17 +124,9 @@ def _compared(name: str, given: Any, config_dir: str | None) -> tuple[str, Any]:
 
 def _named(word: str, config_dir: str | None) -> dict[str, Any]:
     """The settings of a rule and of an adaptation that one choice brings, references unresolved."""
-    return _of_program(word) if config_dir is None else _of_anyone(word, config_dir)
-
-
-def _of_anyone(word: str, config_dir: str | None) -> dict[str, Any]:
-    values: Any = OmegaConf.to_container(by_hydra("compared", [word], config_dir).cfg)
+    found = by_hydra("compared", [word], config_dir) if config_dir else of_program("compared", word)
+    values: Any = OmegaConf.to_container(found.cfg)
     return dict(values)
-
-
-@functools.cache
-def _of_program(word: str) -> dict[str, Any]:
-    return _of_anyone(word, None)
 
 
 def _complete_parts(cfg: DictConfig) -> None:
@@ -188,19 +180,12 @@ def training_world(config: WorldConfig, experiment: str, physics: Physics) -> Sc
 
     If a change brought that maze, training is in the usual one. physics: of their evolution.
     """
-    cfg = _world_of_program(TRAINED[experiment]).copy()
+    cfg = of_program("evaluate", f"scenario={TRAINED[experiment]}").cfg.copy()
+    cfg.scenario.name = TRAINED[experiment]
     if config.maze.get("name") not in [change.get("maze") for change in config.change.values()]:
         cfg.maze = config.maze
     world = scenario_from(OmegaConf.to_object(cfg.scenario), plain(cfg)["maze"], config.robot)
     return replace(world, physics=physics)
-
-
-@functools.cache
-def _world_of_program(scenario: str) -> DictConfig:
-    """A scenario of the program's in its usual maze, not to be changed."""
-    cfg = by_hydra("evaluate", [f"scenario={scenario}"], None).cfg
-    cfg.scenario.name = scenario
-    return OmegaConf.masked_copy(cfg, ["scenario", "maze"])
 
 
 @functools.cache
@@ -211,8 +196,3 @@ def usual_physics(name: str) -> Physics:
         raise ConfigError(f"physics must be one of {', '.join(conf.groups('evaluate')['physics'])}, got {name}")
     physics: Physics = part_from("physics", yaml_file.load(file), "physics")
     return physics
-
-
-def brings_physics(world: str) -> bool:
-    """Whether a change that the name of a world names puts another physics in place of the usual one."""
-    return any("physics" in row and f"_{name}_" in f"{world}_" for name, row in conf.table("change").items())

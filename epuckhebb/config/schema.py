@@ -22,7 +22,7 @@ from epuckhebb.controller.wiring import LAYERS, Wiring
 from epuckhebb.evolution.evolve import evolved_plan
 from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.evolution.training import Training
-from epuckhebb.runtime import ConfigError, say_once
+from epuckhebb.runtime import ConfigError
 from epuckhebb.tmaze.individual import GA_ALONE
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
@@ -31,7 +31,6 @@ from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
 
 MOST_THREADS = 1024  # more than cores of any machine there is; a system may refuse to start more
-_BRIGHTEST, _FASTEST = 2.0, 0.1  # more light, or a higher base rate, is unusual
 
 
 Plain = dict[str, Any]  # a configuration of plain values
@@ -203,21 +202,6 @@ class EvolveConfig(WorldConfig):
         network = build.network_for(self.world, self.shape)
         self.plan = evolved_plan(network, self.controller.rule, given=self.genome is not None)
         self.algorithm.check(self.plan)
-
-
-def say_unusual(config: EvaluateConfig | EvolveConfig) -> None:
-    """Name values that are allowed and hardly meant, a line each."""
-    brightest = max(world.light for _, world in config.world.phases)
-    if brightest > _BRIGHTEST:
-        say_once(f"scenario.light={brightest:g} is unusual: 1 is bright, 0.1 is dim.")
-    for controller in config.controllers if isinstance(config, EvaluateConfig) else [config.controller]:
-        rate = controller.rule.N
-        if rate > max(_FASTEST, type(controller.rule).N):
-            times = rate / config.scenario.paper_N
-            say_once(
-                f"N={rate:g} of {controller.name} is unusual: {times:,.0f} times the paper's rate. Weights can reach "
-                "their bounds within a second."
-            )
 
 
 SCHEMAS: dict[str, Any] = {schema.command: schema for schema in (EvaluateConfig, EvolveConfig)}

@@ -1,20 +1,17 @@
-"""Plain values of settings, converted to the types that dataclasses and records declare.
-
-A message names the key as it is typed, what it must be, and what was given.
-"""
+"""Plain values of settings, converted to the types that dataclasses and records declare."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import MISSING, fields
-from enum import Enum
-from types import NoneType, UnionType
+from enum import EnumType
 from typing import Any, get_args, get_origin, get_type_hints
+
+import msgspec
 
 from epuckhebb.runtime import ConfigError, did_you_mean
 from epuckhebb.tmaze.sensors import CurvePoint, Place
 
 _ROWS = (Place, CurvePoint)  # records that are written as lists of numbers
-_WANTED = {float: "a finite number", int: "a whole number", bool: "true or false", str: "a text"}
 _INFINITE = (math.inf, -math.inf)
 
 
@@ -33,76 +30,55 @@ def part_settings(kind: Any, given: object, key: str, owner: str, **others: Any)
 
 
 def record(
-    where: str, value: object, kinds: Mapping[str, Any], defaults: Mapping[str, object], owner: str = ""
+    where: str, value: object, kinds: Mapping[str, Any], defaults: Mapping[str, object], owner: str
 ) -> dict[str, Any]:
     """The values of keys with these types. defaults: of the keys that may be left out."""
-    given = _mapping(where, value)
+    given: dict[str, Any] = converted(where, value, dict[str, Any])
     for key in given:
         if key not in kinds:
-            known = f"is no key of {owner}; it has" if owner else "is not known; known are"
-            raise ConfigError(f"{where}.{key} {known} {', '.join(kinds) or 'none'}{did_you_mean(key, kinds)}")
+            names = ", ".join(kinds) or "none"
+            raise ConfigError(f"{where}.{key} is no key of {owner}; it has {names}{did_you_mean(key, kinds)}")
     for key in kinds:
         if key not in given and key not in defaults:
             raise ConfigError(f"{where}.{key} is missing")
     return {
         key: item
         if item in _INFINITE and defaults.get(key) in _INFINITE
-        else _converted(f"{where}.{key}", item, kinds[key])
+        else converted(f"{where}.{key}", item, kinds[key])
         for key, item in given.items()
     }
 
 
-def _converted(where: str, value: object, kind: Any) -> Any:
-    """A value as its declared type has it."""
-    origin, inner = get_origin(kind), get_args(kind)
-    if isinstance(kind, UnionType):  # a type, or nothing
-        return None if value is None else _converted(where, value, next(one for one in inner if one is not NoneType))
-    if kind in _WANTED:
-        return _plain(where, value, kind)
-    if isinstance(kind, type) and issubclass(kind, Enum):
-        name = value.name if isinstance(value, Enum) else value
-        if name not in kind.__members__:
-            raise _wrong(where, f"one of {', '.join(kind.__members__)}", value)
-        return kind[str(name)]
-    if kind in _ROWS:
-        return kind(*row(where, value, kind._fields))
-    if origin is Mapping:  # of names, or of certain ones
-        return record(where, value, dict.fromkeys(get_args(inner[0]) or _mapping(where, value), inner[1]), {})
-    if origin is tuple and inner[-1] is not Ellipsis:
-        return tuple(row(where, value, ("from", "to")))
-    if origin is tuple:
-        if isinstance(value, str) or not isinstance(value, Sequence):
-            raise _wrong(where, "a list", value)
-        return tuple(_converted(f"{where}[{place}]", item, inner[0]) for place, item in enumerate(value))
-    if hasattr(kind, "_field_defaults"):
-        return kind(**record(where, value, get_type_hints(kind), kind._field_defaults))
-    raise _wrong(where, str(kind), value)
+def converted(where: str, value: object, kind: Any) -> Any:
+    """A value as its declared type has it. where: its key, for messages."""
+    inner = get_args(kind)
+    record_kind = next((one for one in (kind, *inner) if hasattr(one, "_fields") and one not in _ROWS), None)
+    if get_origin(kind) is Mapping:  # of names, or of certain ones
+        names = get_args(inner[0]) or converted(where, value, dict[str, Any])
+        return record(where, value, dict.fromkeys(names, inner[1]), {}, where)
+    if record_kind and get_origin(kind) is tuple:
+        return tuple(
+            converted(f"{where}[{n}]", item, record_kind) for n, item in enumerate(converted(where, value, list[Any]))
+        )
+    if record_kind and value is not None:
+        return record_kind(
+            **record(where, value, get_type_hints(record_kind), record_kind._field_defaults, record_kind.__name__)
+        )
+    try:
+        result = msgspec.convert(value, kind)
+    except (msgspec.ValidationError, TypeError) as error:
+        reason, _, place = str(error).partition(" - at `$")
+        allowed = f", it must be one of {', '.join(kind.__members__)}" if isinstance(kind, EnumType) else ""
+        raise ConfigError(f"{where}{place.rstrip('`')}: {reason}{allowed}; given was {value!r}") from error
+    if not _is_finite(result):
+        raise ConfigError(f"{where} must be finite, got {value!r}")
+    return result
 
 
-def _mapping(where: str, value: object) -> Mapping[str, Any]:
-    if not isinstance(value, Mapping):
-        raise _wrong(where, "keys with values", value)
-    for key in value:
-        if not isinstance(key, str):
-            raise _wrong(where, "keys that are texts (quote what looks like a number)", key)
-    return value
-
-
-def row(where: str, value: object, names: Iterable[str]) -> list[float]:
-    """Finite numbers, one for each name."""
-    names = tuple(names)
-    if isinstance(value, str) or not isinstance(value, Sequence) or len(value) != len(names):
-        raise _wrong(where, f"[{', '.join(names)}]", value)
-    return [_plain(f"{where}[{place}]", number, float) for place, number in enumerate(value)]
-
-
-def _plain(where: str, value: object, kind: type[Any]) -> Any:
-    """A finite number, a whole number, true or false, or a text; a text that looks like a number is none."""
-    fits = isinstance(value, int | float) and math.isfinite(value) if kind is float else isinstance(value, kind)
-    if not fits or (isinstance(value, bool) and kind is not bool):
-        raise _wrong(where, _WANTED[kind], value)
-    return kind(value)
-
-
-def _wrong(where: str, wanted: str, value: object) -> ConfigError:
-    return ConfigError(f"{where} must be {wanted}, got {value!r}")
+def _is_finite(value: object) -> bool:
+    """Whether a value, and all in it, is no infinite number."""
+    return (
+        all(map(_is_finite, value))
+        if isinstance(value, tuple)
+        else not isinstance(value, float) or math.isfinite(value)
+    )

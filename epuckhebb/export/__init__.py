@@ -1,4 +1,4 @@
-"""A finished run as something else: a page to watch, a film, a controller for Webots.
+"""A finished run as something else: a page to watch, a GIF, a controller for Webots.
 
 It reads run folders, and changes no result in them.
 Others may import `figure`, `replay` and `webots`.

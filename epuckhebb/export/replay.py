@@ -1,8 +1,7 @@
-"""`epuckhebb replay RUN`: from a run folder to something to watch, a page, a GIF or a film."""
+"""`epuckhebb replay RUN`: from a run folder to something to watch, a page or a GIF."""
 
 import functools
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TypeVar
 
@@ -60,27 +59,24 @@ def recording(path: Path) -> Recording:
     return Recording(traces, weights, network, config, title, facts.get("notes", []))
 
 
-def replay(run: Path, page: Path | None = None, gif: Path | None = None, mp4: Path | None = None) -> list[Path]:
-    """Write what a run, or a study of flocks, recorded as a page, a GIF or a film; returns the files.
+def replay(run: Path, page: Path | None = None, gif: Path | None = None) -> list[Path]:
+    """Write what a run, or a study of flocks, recorded as a page or a GIF; returns the files.
 
-    page: written in the run's folder if no file is named. The progress of a GIF or a film is shown on standard error.
+    page: written in the run's folder if no file is named. The progress of a GIF is shown on standard error.
     """
-    if mp4 and find_spec("imageio_ffmpeg") is None:
-        raise ConfigError('--mp4 needs imageio-ffmpeg, which is not installed: pip install "epuckhebb[video]"')
-    page = page or (None if gif or mp4 else run / "replay.html")
+    page = page or (None if gif else run / "replay.html")
     if Run(run).has("flock.csv"):
-        if page is None or gif or mp4:
-            raise ConfigError("--gif and --mp4 are for runs of `epuckhebb evaluate`; a flock is replayed as a page")
+        if page is None or gif:
+            raise ConfigError("--gif is for runs of `epuckhebb evaluate`; a flock is replayed as a page")
         write_atomic(page, replay_page(run).encode())
         return [page]
     recorded = recording(run)
     if page:
         write_atomic(page, page_of(recorded).encode())
-    for file, film in ((gif, movie.gif), (mp4, movie.mp4)):
-        if file:
-            progress = functools.partial(track, file.name)
-            write_atomic(file, film(recorded.traces, recorded.config.world, recorded.title, progress))
-    return [file for file in (page, gif, mp4) if file]
+    if gif:
+        progress = functools.partial(track, gif.name)
+        write_atomic(gif, movie.gif(recorded.traces, recorded.config.world, recorded.title, progress))
+    return [file for file in (page, gif) if file]
 
 
 def page_of(recorded: Recording) -> str:

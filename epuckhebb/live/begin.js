@@ -87,7 +87,7 @@ const sight = new IntersectionObserver((changes) => {
 });
 for (const view of views) sight.observe(view.figure);
 $("chart-keys").append(
-  ...data.controllers.map(({ title }) => element("span", { className: "value" }, element("span", { className: "key" }), title)),
+  ...data.controllers.map((title) => element("span", { className: "value" }, element("span", { className: "key" }), title)),
   "Pink marks: changes by hand.");
 let understood = null;
 try { understood = sessionStorage.getItem("understood"); } catch { /* a frame may not keep anything */ }

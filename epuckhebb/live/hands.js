@@ -46,7 +46,7 @@ function dismiss() {
 const things = () => ["robot", "lamp", ...world.placed.map((_, i) => i)];
 const nameOf = (thing) => (typeof thing === "number" ? `block ${thing + 1}` : thing);
 const robotNow = () => poseAt(own.at(-1), END);
-const isFloor = (x, y) => maze.floor.some(([left, right, bottom, top]) => x > left && x < right && y > bottom && y < top);
+const isFloor = (x, y) => !maze.walls.some(([left, right, bottom, top]) => x > left && x < right && y > bottom && y < top);
 
 function placeOf(thing) {
   if (thing === "robot") {

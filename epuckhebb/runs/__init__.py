@@ -8,13 +8,12 @@ fails raises `JobFailedError`.
 from epuckhebb.runs import hydra
 from epuckhebb.runs.evaluate import (
     PreparedEvaluation,
-    as_evolved,
     caption,
     compile_for,
     evaluate_into,
     evaluate_job,
     prepare_evaluation,
 )
-from epuckhebb.runs.evolve import EvolutionProgress, evolve_into, evolve_job, new_evolution, prepare_evolution, resume
-from epuckhebb.runs.notes import notes_of, showcase
+from epuckhebb.runs.evolve import evolve_into, evolve_job, new_evolution, prepare_evolution, resume
+from epuckhebb.runs.notes import notes_of
 from epuckhebb.runs.rerun import repeat

@@ -1,8 +1,7 @@
 """`epuckhebb evaluate`: runs the lifetimes of a genome in a scenario, and writes them into a run folder."""
 
 import copy
-import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,24 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from epuckhebb.adaptation.nominal import REPEATS, Nominal, measure_nominal
+from epuckhebb.adaptation.nominal import Nominal, measure_nominal
 from epuckhebb.analysis import tables
 from epuckhebb.analysis.evaluate import Rows, Traces, evaluate
 from epuckhebb.config import (
     EvaluateConfig,
-    alternatives,
-    brings_physics,
     check_library,
     dump,
     hand,
     own_files,
     part_from,
     part_names,
-    quoted,
-    say_unusual,
-    typed_as,
     usual_physics,
-    value_of,
 )
 from epuckhebb.config import training_world as world_of_training
 from epuckhebb.controller.compiling.sources import own_code
@@ -37,19 +30,16 @@ from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, evolved
 from epuckhebb.controller.wiring import Wiring
 from epuckhebb.runs import hydra
 from epuckhebb.runs.notes import notes_of
-from epuckhebb.runtime import ConfigError, JobFailedError, data_folder, say, saying_if_slow
+from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Genome, RunFolder, as_npz, check_wiring, digest, load_genome, traces_arrays
 from epuckhebb.tmaze.batch import load_kernel
 from epuckhebb.tmaze.goal_signal import GoalSignal
 from epuckhebb.tmaze.individual import GA_ALONE, Controller
 from epuckhebb.tmaze.own_sensor import reading_names
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
-from epuckhebb.tmaze.robot import EPUCK
-from epuckhebb.tmaze.scenario import TRAINED, Scenario
+from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.session import LostRobotError
 from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
-
-Report = Callable[[Path, Rows], object]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,17 +58,14 @@ class PreparedEvaluation:
             return self
         there = copy.copy(self.config)
         ours = self.config.world
-        physics = world.physics if brings_physics(world.name) else ours.physics
+        physics = ours.physics if world.physics == PYMUNK else world.physics
         signal = ours.goal_signal if world.goal_signal == GoalSignal() else world.goal_signal
         there.world = replace(world, fitness=ours.fitness, physics=physics, goal_signal=signal)
         there.lifetime = replace(self.config.lifetime, duration_s=world.paper_duration_s)
         return PreparedEvaluation(config=there, genome=self.genome)
 
-    def remember(self, threads: int, report: Callable[[str], None] = lambda _: None) -> Nominal | None:
-        """Nominal statistics for the adaptations, from the champion's file or measured; None where none needs them.
-
-        report: is given a sentence if they must be measured in the training world first.
-        """
+    def remember(self, threads: int) -> Nominal | None:
+        """Nominal statistics for the adaptations, from the champion's file or measured; None where none needs them."""
         config, genome = self.config, self.genome
         adaptations = [controller.adaptation for controller in config.controllers]
         if not any(one.acts for one in adaptations):
@@ -93,10 +80,6 @@ class PreparedEvaluation:
         gain = config.lifetime.gain_rad_s
         if known is not None and (known.gain_rad_s == gain or not any(one.is_gated for one in adaptations)):
             return known
-        report(
-            f"genome={genome.name} has no nominal statistics at {gain:g} rad/s: it runs {REPEATS} lifetimes a side in "
-            f"{TRAINED[experiment]} first."
-        )
         world = training_world(config, genome.physics)
         check_library(world)
         nominal = measure_nominal(genome.network_genes, world, gain, threads, genome.network)
@@ -147,16 +130,12 @@ def check_genome(genome: Genome, world: Scenario, shape: tuple[int, ...] | Wirin
             f"give task={genome.task or ONE_TRIAL.name}, or a champion that was evolved with task={task.name}"
         )
     check_wiring(genome.wiring, shape, genome.name)
-    if genome.optimizer and genome.sensors != sensors:
+    has_others = bool(genome.optimizer) and genome.sensors != sensors
+    if genome.robot != robot.name or genome.network.inputs != world.inputs or has_others:
         raise ConfigError(
-            f"genome={genome.name} is for a robot whose own sensors are {genome.sensors or 'none'}; those of robot "
-            f"{robot.name} are {sensors or 'none'}. Give robot.sensors=[...] as in training, or another champion"
-        )
-    if genome.robot != robot.name or genome.network.inputs != world.inputs:
-        raise ConfigError(
-            f"genome={genome.name} is for robot {genome.robot} and a network of layers {genome.network}; robot "
-            f"{robot.name} has {robot.inputs} readings. Give robot={genome.robot}, or a champion evolved for "
-            f"{robot.name}"
+            f"genome={genome.name} is for robot {genome.robot} with own sensors {genome.sensors or 'none'}, and a "
+            f"network of layers {genome.network}; robot {robot.name} has {robot.inputs} readings, own sensors "
+            f"{sensors or 'none'}. Give robot={genome.robot} and robot.sensors as in training, or another champion"
         )
 
 
@@ -193,9 +172,9 @@ def prepare_evaluation(config: EvaluateConfig, genome: Genome | None = None) -> 
     return PreparedEvaluation(config=config, genome=genome)
 
 
-def evaluate_job(job: hydra.Job, report: Report | None = None) -> None:
-    """Evaluate into the folder of a job. report: as in `evaluate_into`."""
-    evaluate_into(job.path, job.config, job.overrides, job.facts, threads=job.threads, report=report)
+def evaluate_job(job: hydra.Job) -> None:
+    """Evaluate into the folder of a job."""
+    evaluate_into(job.path, job.config, job.overrides, job.facts, threads=job.threads)
 
 
 def training_world(config: EvaluateConfig, evolved_in: str = "") -> Scenario:
@@ -209,34 +188,6 @@ def training_world(config: EvaluateConfig, evolved_in: str = "") -> Scenario:
     return world_of_training(config, config.world.experiment, physics)
 
 
-def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:
-    """Overrides with the robot and the wiring that their champion was evolved for, unless they name one.
-
-    A robot that has no file, a wiring of the user's own, and champions of several are left to `prepare_evaluation`.
-    """
-    named = [word for word in words if word.startswith("genome=")]
-    if not named:
-        return words
-    (words_of,) = alternatives(named[-1:]).values()
-    genomes: list[Genome] = []
-    for word in words_of:
-        with suppress(ConfigError):  # one that cannot be read is reported later
-            genomes.append(load_genome(value_of(word), next(iter(TRAINED))))
-    if len(genomes) < len(words_of):
-        return words
-    keys = {word.lstrip("+~").partition("=")[0] for word in words}
-    robot, *others = {genome.robot for genome in genomes}
-    folders = [Path(folder) / "robot" for folder in (config_dir, data_folder("conf")) if folder]
-    is_known = robot != EPUCK.name and any((folder / f"{robot}.yaml").is_file() for folder in folders)
-    if is_known and not others and not any(key.split(".")[0] == "robot" for key in keys):
-        words = [*words, f"robot={quoted(robot)}"]
-    (wiring, settings), *several = {(genome.wiring, genome.wiring_settings) for genome in genomes}
-    if several or not settings or wiring not in part_names("wiring") or keys & {"network", "network.wiring"}:
-        return words
-    own = {f"network.{key}": value for key, value in json.loads(settings).items() if f"network.{key}" not in keys}
-    return [*words, f"network.wiring={wiring}", *typed_as(own)]
-
-
 def compile_for(controllers: Sequence[Controller], network: Network, world: Scenario) -> None:
     """Load or compile what lifetimes with these controllers need."""
     try:
@@ -248,23 +199,15 @@ def compile_for(controllers: Sequence[Controller], network: Network, world: Scen
 
 
 def evaluate_into(
-    path: Path,
-    config: EvaluateConfig,
-    overrides: list[str],
-    facts: dict[str, Any],
-    *,
-    threads: int,
-    report: Report | None = None,
+    path: Path, config: EvaluateConfig, overrides: list[str], facts: dict[str, Any], *, threads: int
 ) -> None:
     """Claim a folder and evaluate into it. overrides, facts: as for `RunFolder.new`.
 
-    report: is given the folder and the lifetimes as soon as its tables are written. Figures come later: they take
-    longer than lifetimes. If one cannot be drawn, the run has failed, and keeps what it wrote.
+    Tables are written before the figure is drawn. If it cannot be drawn, the run has failed, and keeps its tables.
     """
     prepared = prepare_evaluation(config)
-    genome = prepared.genome
-    say_unusual(config)
-    own, notes = own_files(config.values), notes_of(genome, config)
+    genome, has_trials, kind = prepared.genome, config.world.task.has_trials, config.figures.value
+    notes = notes_of(genome, config)
     facts = {
         "seed": config.seed,
         "genome": genome.name,
@@ -274,18 +217,9 @@ def evaluate_into(
         **({"notes": notes} if notes else {}),
         **facts,
     }
-    with saying_if_slow("Compiling; a first start takes some ten seconds, later ones do not."):
-        compile_for(config.controllers, genome.network, config.world)
-    nominal = prepared.remember(threads, say)
-    has_trials, recorded, kind = config.world.task.has_trials, bool(config.lifetime.record_every), config.figures.value
-    names = [*(["reversal"] if has_trials else []), *(["trajectories"] if recorded else [])]
-    later = [*(["traces.npz"] if recorded else []), *(f"figures/{name}.{kind}" for name in names if kind != "none")]
-
-    def left_behind() -> str:
-        missing = [name for name in later if not (path / name).exists()]
-        return f"{path} has its tables, and lacks {' and '.join(missing) or 'nothing'}"
-
-    with RunFolder.new(path, "evaluate", dump(config), overrides, facts, own) as run:
+    compile_for(config.controllers, genome.network, config.world)
+    nominal = prepared.remember(threads)
+    with RunFolder.new(path, "evaluate", dump(config), overrides, facts, own_files(config.values)) as run:
         if config.scenario.hand is not None:
             run.write(hand.NAME, hand.content(config.scenario.hand))
         metrics, traces = prepared.run(nominal, threads)
@@ -300,32 +234,26 @@ def evaluate_into(
             run.write("reversal_trials.csv", trials)
             run.write("reversal.csv", shares)
             run.write("reversal.md", reversal.readable(shares).markdown())
+            if kind != "none":
+                from epuckhebb.analysis.image import image
+                from epuckhebb.runs import figures
+
+                run.write(
+                    f"figures/reversal.{kind}", image(figures.reversal(config, genome.name, shares, trials), kind)
+                )
         else:
             run.write("metrics.csv", metrics)
             table, below = tables.paper_table(metrics), [*map(tables.plain, notes), tables.saturation(metrics)]
             run.write("table.csv", tables.flat(table))
             run.write("table.md", "\n".join([tables.to_markdown(table), *(f"{note}\n" for note in below if note)]))
-        run.left_behind = left_behind
-        if report is not None:
-            report(path, metrics)
-        if recorded:
+        if config.lifetime.record_every:
             run.write("traces.npz", as_npz(traces_arrays(traces, genome.weights, genome.network)))
-        if kind == "none" or not names:
-            return
-        try:
-            from epuckhebb.analysis.figures import trajectories
-            from epuckhebb.analysis.image import image
+            if kind != "none":
+                from epuckhebb.analysis.figures import trajectories
+                from epuckhebb.analysis.image import image
 
-            if has_trials:
-                from epuckhebb.runs import figures
-
-                drawn = figures.reversal(config, genome.name, shares, trials)
-                run.write(f"figures/reversal.{kind}", image(drawn, kind))
-            if recorded:
                 drawn = trajectories(traces, config.world, caption(config, genome.name))
                 run.write(f"figures/trajectories.{kind}", image(drawn, kind))
-        except Exception as error:  # of matplotlib: what a user's fonts and styles may raise has no end
-            raise JobFailedError(f"{left_behind()}: {type(error).__name__}: {error}") from error
 
 
 def caption(config: EvaluateConfig, genome_name: str, controllers: Sequence[tuple[str, float]] | None = None) -> str:

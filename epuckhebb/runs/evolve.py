@@ -22,7 +22,6 @@ from epuckhebb.config import (
     from_values,
     network_for,
     own_files,
-    say_unusual,
     settings,
     values_of,
 )
@@ -34,7 +33,7 @@ from epuckhebb.evolution.evolve import Generation, evolve
 from epuckhebb.evolution.search import Search, check_start
 from epuckhebb.runs import hydra
 from epuckhebb.runs.evaluate import check_genome, compile_for
-from epuckhebb.runtime import Bar, ConfigError, path_of, say, thread_count
+from epuckhebb.runtime import ConfigError, bar, path_of, say, thread_count
 from epuckhebb.store import (
     CHAMPION,
     CHECKPOINT,
@@ -80,10 +79,12 @@ class PreparedEvolution:
         """Load or compile what the lifetimes need."""
         compile_for([self.config.controller], self.network, self.config.world)
 
-    def generations(self, threads: int, after: Generation | None = None) -> Iterator[Generation]:
-        """The generations of the evolution, from the first one or after one that has ended."""
-        config = self.config
-        return evolve(
+    def generations(
+        self, threads: int, after: Generation | None = None, *, quiet: bool = False
+    ) -> Iterator[Generation]:
+        """The generations of the evolution, from the first one or after one that has ended, beside a bar."""
+        config, done = self.config, after.number + 1 if after else 0
+        found = evolve(
             config.algorithm,
             config.world,
             config.lifetime,
@@ -95,6 +96,12 @@ class PreparedEvolution:
             controller=config.controller,
             given=self.given,
         )
+        with bar("generation", config.schedule.generations, done, quiet=quiet) as shown:
+            for generation in found:
+                best, mean = generation.fitness.max(), generation.fitness.mean()
+                shown.set_postfix_str(f"best {best:.3f}  mean {mean:.3f}", refresh=False)
+                shown.update()
+                yield generation
 
     def network_genes(self, champion: NDArray[np.float64]) -> NDArray[np.float64]:
         """The genes of a champion that are its network, without those of a rule."""
@@ -167,18 +174,16 @@ def evolve_into(
             return "before the first generation"
         return f"the last whole generation is in {last}; resume with: epuckhebb evolve {RESUME}{run.path}"
 
-    say_unusual(config)
     run.left_behind = left_behind
-    with run, EvolutionProgress(config.schedule.generations, quiet=quiet) as progress:
+    with run:
         settings_digest = _digest(run.path, config)
         history = run.path / "history.csv"
         if after is not None and not (history.is_file() and history.read_bytes() == after.history.encode()):
             _write_generation(run, after, prepared)  # the run was killed before these files were written
-        for generation in prepared.generations(threads, after.generation if after else None):
+        for generation in prepared.generations(threads, after.generation if after else None, quiet=quiet):
             after = Checkpoint.following(after, generation)
             run.write(CHECKPOINT, after.as_bytes(settings_digest))
             _write_generation(run, after, prepared)
-            progress.add(generation)
         assert after is not None  # there is at least one generation
         last, nominal = after.generation, None
         if not config.world.task.has_trials:  # a task of many trials has not one goal to compare with
@@ -270,20 +275,3 @@ def _digest(path: Path, config: EvolveConfig) -> str:
         group, _, key = dotted.rpartition(".")
         (values[group] if group else values).pop(key, None)
     return digest(values)
-
-
-class EvolutionProgress(Bar):
-    """Shows each generation of an evolution."""
-
-    def __init__(self, generations: int, *, quiet: bool, each: bool = True) -> None:
-        """Prepare to show so many generations; say nothing if `quiet`."""
-        super().__init__("generation", generations, quiet=quiet, each=each)
-        self._steps, self._seconds = 0, 0.0
-        self.bar.set_postfix_str("compiling …")
-
-    def add(self, generation: Generation) -> None:
-        """Show a generation that has just ended."""
-        self._steps += generation.robot_steps
-        self._seconds += generation.seconds
-        best, mean, speed = generation.fitness.max(), generation.fitness.mean(), self._steps / self._seconds / 1e6
-        self.show(generation.number + 1, f"best {best:.3f}  mean {mean:.3f}  {speed:.2f} M robot-steps/s")

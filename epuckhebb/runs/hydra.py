@@ -2,7 +2,6 @@
 
 import functools
 import os
-import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
@@ -14,33 +13,29 @@ from typing import Any, NamedTuple
 import hydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
-from hydra.plugins.sweeper import Sweeper
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, flag_override
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config import (
-    KINDS,
     SCHEMAS,
     SWEEP_DIR,
     alternatives,
     configurations,
     explain,
     from_values,
-    quoted,
     swept_values,
     typed,
     value_of,
     with_names_compared,
     world_name,
 )
-from epuckhebb.config.catalogue import IS_HYDRA_1_4, USERS, VERSION_BASE, catalogue, choices_of, register
+from epuckhebb.config.catalogue import USERS, VERSION_BASE, catalogue, choices_of
 from epuckhebb.config.compose import composed_with_hydra
 from epuckhebb.config.resolve import resolve
-from epuckhebb.runtime import ConfigError, JobFailedError, data_folder, exit_with_parent, path_of, thread_count
+from epuckhebb.runtime import ConfigError, JobFailedError, data_folder, exit_with_parent, thread_count
 from epuckhebb.store import check_folder_of_multirun, of_multirun
 
-_SENSOR = re.compile(r"(sensor: *)([^\s,}:]+\.py)(?=:)")  # the file of a sensor of the user's own
 _CHECKED_IN_FULL = 20  # a longer list of values is checked at its two ends
 _RUN_DIR = "hydra.run.dir"
 _FULL_ERROR = "HYDRA_FULL_ERROR"  # environment variable: Hydra raises errors in place of printing them
@@ -102,7 +97,7 @@ def run(command: str, job: Callable[[Job], None], arguments: list[str], config_d
 
     Returns the folders of the runs, in the order of the jobs. config_dir: a folder with more configuration files.
     """
-    arguments = [with_names_compared(_with_own_files_found(argument)) for argument in arguments]
+    arguments = list(map(with_names_compared, arguments))
     if not any(argument.startswith("-") for argument in arguments):
         return [_run_one(command, job, arguments, config_dir)]
     task = functools.partial(_job_of_hydra, command, job)
@@ -163,23 +158,9 @@ def _job_of_hydra(command: str, job: Callable[[Job], None], cfg: DictConfig) -> 
         raise
 
 
-def _with_own_files_found(argument: str) -> str:
-    """An override in which the user's files have absolute paths: a worker may start in another folder."""
-    key = argument.partition("=")[0]
-    if key == "robot.sensors":
-        return _SENSOR.sub(lambda found: f"{found[1]}{path_of(found[2], key).absolute()}", argument)
-    if key not in [f"{kind.group}.{kind.key}" for kind in KINDS.values()] or ":" not in argument:
-        return argument
-    (choices,) = alternatives([argument]).values()
-    named = [value_of(choice).rpartition(":") for choice in choices]
-    found = [f"{path_of(file, key).absolute()}:{name}" if file else name for file, _, name in named]
-    return f"{key}={','.join(map(quoted, found))}"
-
-
 def call(command: str, task: Callable[[Any], None], arguments: list[str], config_dir: str | None = None) -> None:
     """Call Hydra as its own command line would; see `run`. task: is given each configuration that Hydra composed."""
-    options: dict[str, Any] = {"execution_whitelist": ("epuckhebb.*",)} if IS_HYDRA_1_4 else VERSION_BASE
-    entry = hydra.main(config_path=str(data_folder("conf")), config_name=command, **options)(task)
+    entry = hydra.main(config_path=str(data_folder("conf")), config_name=command, version_base=VERSION_BASE)(task)
     workers = _workers_of_ours() if "--multirun" in arguments else nullcontext()
     with catalogue(command, config_dir), _as_command_line(command, arguments), workers:
         try:
@@ -190,16 +171,6 @@ def call(command: str, task: Callable[[Any], None], arguments: list[str], config
             if "--multirun" not in arguments or isinstance(error, HydraException | OmegaConfBaseException):
                 raise ConfigError(explain(error)) from error
             raise JobFailedError(f"the launcher stopped: {type(error).__name__}: {error}") from error  # not a job
-
-
-def call_many(command: str, task: Callable[[Any], None], arguments: list[str]) -> None:
-    """Call Hydra for jobs that have their configurations already: it does not compose them before the first begins."""
-    validate = Sweeper.validate_batch_is_legal
-    setattr(Sweeper, validate.__name__, lambda *_: None)
-    try:
-        call(command, task, arguments)
-    finally:
-        setattr(Sweeper, validate.__name__, validate)
 
 
 def new_stamp() -> str:
@@ -259,5 +230,7 @@ def _begin(parent: int, folder: str) -> None:
     exit_with_parent(parent)
 
 
-register("epuckhebb.world", lambda *, _root_: world_name(_root_.scenario.name, _root_.changed), replace=True)
-register("epuckhebb.stamp", new_stamp, replace=True)
+OmegaConf.register_new_resolver(
+    "epuckhebb.world", lambda *, _root_: world_name(_root_.scenario.name, _root_.changed), replace=True
+)
+OmegaConf.register_new_resolver("epuckhebb.stamp", new_stamp, replace=True)

@@ -62,16 +62,10 @@ def repeat(path: Path) -> tuple[Path, str]:
 
 def _difference(one: Path, other: Path) -> str:
     """The first CSV file and line in which two runs differ; nothing if they do not."""
-    names = sorted({str(file.relative_to(run)) for run in (one, other) for file in run.rglob("*.csv")})
-    for name in names:
-        for run in (one, other):
-            if not (run / name).is_file():
-                return f"{run} has no {name}"
-        before, after = (one / name).read_bytes(), (other / name).read_bytes()
-        if before == after:
-            continue
-        pairs = zip_longest(before.splitlines(keepends=True), after.splitlines(keepends=True), fillvalue=b"")
-        number, (was, is_now) = next((n, pair) for n, pair in enumerate(pairs, 1) if pair[0] != pair[1])
-        shown = [line.decode(errors="replace").rstrip("\r\n") or "(nothing)" for line in (was, is_now)]
-        return f"{name} differs first in line {number}:\n  was {shown[0]}\n  is  {shown[1]}"
+    for name in sorted({str(file.relative_to(run)) for run in (one, other) for file in run.rglob("*.csv")}):
+        files = (one / name, other / name)
+        lines = [file.read_bytes().splitlines(keepends=True) if file.is_file() else [] for file in files]
+        for number, (before, now) in enumerate(zip_longest(*lines), 1):
+            if before != now:
+                return f"{name} differs first in line {number}"
     return ""

@@ -3,7 +3,6 @@
 import csv
 import io
 import math
-import re
 import shutil
 import traceback
 from collections.abc import Callable, Iterator, Mapping
@@ -31,8 +30,6 @@ Content = Union[bytes, str, list[dict[str, Any]], "pd.DataFrame"]  # of a file; 
 UNFINISHED = "unfinished"  # folder of a study, with a folder for each attempt at a run
 SET_ASIDE = "set_aside"  # folder of a study for what was in the way, or holds a user's files
 _PATIENCE_S = 1.0  # how long another process may lock a folder just to look whether it is locked
-_HALF = re.compile(r"\..+\.\d+\.tmp")  # what `write_atomic` writes beside a file
-_ATTEMPT = re.compile(r"\d{8}-\d{6}-[0-9a-f]{8}_\d+|stop")  # what `jobs.launch` leaves in `unfinished/`
 
 
 class OwnFile(Protocol):
@@ -118,7 +115,6 @@ class RunFolder:
         run = cls(path, None, content)
         with _one_message(path):
             path.mkdir(parents=True, exist_ok=True)
-            before.check_version()
             _refuse_foreign(path, command)
             run._lock = lock(path, _PATIENCE_S)
             with suppress(ConfigError):  # nothing can be read where nothing has begun
@@ -247,7 +243,7 @@ def _one_message(path: Path) -> Iterator[None]:
 def _refuse_foreign(path: Path, command: str | None = None) -> None:
     """Refuse a folder with files that are not of this program, or not of a command, if one is given."""
     begun = (STATUS, PROVENANCE, LOCK, ".hydra", "multirun.yaml")  # the first files in a folder of this program
-    foreign = [file.name for file in path.iterdir() if file.name not in begun and not _HALF.fullmatch(file.name)]
+    foreign = [file.name for file in path.iterdir() if file.name not in begun and file.suffix != ".tmp"]
     with suppress(ConfigError):
         if foreign and Run(path).provenance["command"] == command:
             return
@@ -258,13 +254,11 @@ def _refuse_foreign(path: Path, command: str | None = None) -> None:
 
 
 def _remove_half_done(path: Path) -> None:
-    """Remove what killed processes left half done, if its name is ours; attempts that still run stay."""
+    """Remove what killed processes left half done; attempts that still run stay."""
     for half in path.rglob(".*.tmp"):
-        if not {UNFINISHED, SET_ASIDE} & {*half.relative_to(path).parts} and _HALF.fullmatch(half.name):
+        if not {UNFINISHED, SET_ASIDE} & {*half.relative_to(path).parts}:
             half.unlink(missing_ok=True)
     for attempt in (path / UNFINISHED).glob("*"):
-        if not _ATTEMPT.fullmatch(attempt.name):
-            continue
         with suppress(FileNotFoundError):  # it has just been finished
             if not attempt.is_dir():
                 attempt.unlink()
@@ -281,11 +275,8 @@ def set_aside(entry: Path, study: Path, why: str) -> None:
 
 
 def check_folder_of_multirun(path: Path) -> None:
-    """Refuse a folder for a multirun that holds anything but runs and tables of an earlier one of this version."""
-    runs = of_multirun(path)
-    for run in runs:
-        Run(run).check_version()
-    if path.is_dir() and not runs:
+    """Refuse a folder for a multirun that holds anything but runs and tables of an earlier one."""
+    if path.is_dir() and not of_multirun(path):
         _refuse_foreign(path)
 
 

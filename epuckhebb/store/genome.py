@@ -183,9 +183,7 @@ def _read_genome(path: Path, name: str, shape: tuple[int, ...] | Wiring | None) 
     with one_error(f"genome={path} cannot be used"):
         arrays = arrays_of(Run(path.parent).content(path.name))
         if "genome" not in arrays and len(arrays) != 1:
-            raise ConfigError(
-                f"genome={path} must hold one array or one named `genome`, it holds {sorted(arrays)[:20]}"
-            )
+            raise ValueError("it holds several arrays, none named `genome`")
         network = network_from(arrays, layers or PAPER_NETWORK.layers)
         if shape is not None:
             check_wiring(LAYERS if network.wiring is None else network.wiring.name, shape, path)
@@ -193,9 +191,8 @@ def _read_genome(path: Path, name: str, shape: tuple[int, ...] | Wiring | None) 
             wired = Network((network.inputs, *shape.sizes), network.rewarded, shape)
             if wired.layers != network.layers or not np.array_equal(wired.joined, network.joined):
                 raise ConfigError(
-                    f"genome={path} is for a network {network} of {network.synapses} synapses; the settings below "
-                    f"network make {wired} of {wired.synapses}, or join other neurons. Give the settings of its "
-                    "evolution"
+                    f"genome={path} is for a network {network} of {network.synapses} synapses, and the settings below "
+                    f"network make another of {wired.synapses}; give those of its evolution"
                 )
             network = wired
         if layers and network.layers != layers:

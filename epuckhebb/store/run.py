@@ -2,12 +2,13 @@
 
 import io
 from contextlib import suppress
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from epuckhebb.runtime import LATEST, ConfigError
 from epuckhebb.store import disk
-from epuckhebb.store.disk import CHAMPION, CONFIG, PROVENANCE, SCHEMA, STATUS, bytes_of, json_of, sha256_of
+from epuckhebb.store.disk import CONFIG, PROVENANCE, STATUS, bytes_of, json_of, sha256_of
 from epuckhebb.store.lock import is_locked
 
 if TYPE_CHECKING:
@@ -22,10 +23,9 @@ _TEXTS = (
 
 
 class Run:
-    """A run folder. Every property and method reads the files as they are now.
+    """A run folder. Every property and method reads the files as they are now, but checksums only once.
 
-    What cannot be read raises `ConfigError`, and so does a folder of another version of this program. Only
-    `recorded_status`, `has` and `is_whole` answer in any case.
+    What cannot be read raises `ConfigError`. Only `recorded_status`, `has` and `is_whole` answer in any case.
     """
 
     def __init__(self, path: Path) -> None:
@@ -36,7 +36,7 @@ class Run:
     def provenance(self) -> dict[str, Any]:
         """Who ran what, with what, where."""
         self._check_files()
-        return self.json(PROVENANCE, "command", "overrides", "code")
+        return self.json(PROVENANCE, "command", "command_line", "overrides", "code")
 
     @property
     def status(self) -> dict[str, Any]:
@@ -47,7 +47,7 @@ class Run:
             status |= {"state": "interrupted", "error": "its process ended unexpectedly"}
         return status
 
-    @property
+    @cached_property
     def recorded_status(self) -> dict[str, Any]:
         """The status that the run wrote down; nothing if it cannot be read."""
         return _json(self.path / STATUS)
@@ -91,11 +91,6 @@ class Run:
         return (self.path / name).is_file() or name in self._sha256
 
     @property
-    def lost(self) -> list[str]:
-        """The files that the run had written when it ended, and that are gone."""
-        return [name for name in self._sha256 if not (self.path / name).is_file()]
-
-    @property
     def is_whole(self) -> bool:
         """Whether the run is finished and its results are as they were then: not cut, changed or lost."""
         results = {name: sha256 for name, sha256 in self._sha256.items() if name.endswith(_RESULTS)}
@@ -104,21 +99,8 @@ class Run:
             return whole and self.recorded_status.get("state") == "finished"
         return False
 
-    def check_version(self) -> None:
-        """Refuse a folder that another version of this program made, whose files differ from ours."""
-        schemas = {_json(self.path / name).get("schema", SCHEMA) for name in (PROVENANCE, STATUS)}
-        if schemas == {SCHEMA}:
-            return
-        version = _json(self.path / PROVENANCE).get("code", {}).get("version", "of an unknown version")
-        champion = f". Its champion can be used: genome={self.path}" if (self.path / CHAMPION).is_file() else ""
-        raise ConfigError(
-            f"{self.path} was made by epuckhebb {version}, in a format that this version does not read. Use that "
-            f"version for it, or run it again in a new folder{champion}"
-        )
-
     def _check_files(self) -> None:
-        """Refuse what is no run folder of this version."""
-        self.check_version()
+        """Refuse what is no run folder."""
         for name in (PROVENANCE, STATUS):
             if not (self.path / name).is_file():
                 raise ConfigError(f"{self.path} is not a run folder: it has no {name}")

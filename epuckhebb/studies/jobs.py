@@ -110,7 +110,7 @@ def launch(study: RunFolder, name: str, jobs: Sequence[Job], launcher: list[str]
                     "--multirun",
                 ]
                 try:
-                    hydra.call_many("study", do, arguments)
+                    hydra.call("study", do, arguments)
                 except (ConfigError, JobFailedError) as error:
                     trouble = str(error)
     remaining = {job.run for job in todo(folder, jobs)}

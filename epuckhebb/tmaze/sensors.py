@@ -118,7 +118,7 @@ class InputGroup:
     @property
     def labels(self) -> list[str]:
         """The name of each input, for pages."""
-        return [self.label] * self.count
+        return [self.label] if self.count == 1 else [f"{self.label} {number}" for number in range(self.count)]
 
 
 @dataclass(frozen=True, kw_only=True)

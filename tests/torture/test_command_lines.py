@@ -30,7 +30,7 @@ FLAGS = {
     "evolve": ["-m", "--json", "-q", "--cfg=hydra", "--config-dir=own"],
     "sweep": ["--dry-run", "--json", "-q", "--config-dir=own"],
     "reproduce": ["--quick", "--json", "-q"],
-    "replay": ["--output=page.html", "--gif=a.gif", "--output=nowhere/b.html", "--mp4=c.mp4"],
+    "replay": ["--output=page.html", "--gif=a.gif", "--output=nowhere/b.html"],
     "show": ["--json"],
     "rerun": ["--json", "-q"],
 }
