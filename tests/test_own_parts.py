@@ -499,7 +499,7 @@ def test_the_champion_and_the_run_hold_what_they_are_of(runs):
 @pytest.mark.usefixtures("copy")
 def test_a_champion_of_other_parts_is_refused_or_the_difference_said():
     wiring, fitness, sensors = PARTS[:2], PARTS[2:4], PARTS[4:]
-    assert "own sensors are GoalDistance, FloorPatch" in refused("evaluate", "genome=evolved", *wiring, *SHORT)
+    assert "own sensors GoalDistance, FloorPatch" in refused("evaluate", "genome=evolved", *wiring, *SHORT)
     said = refused("evaluate", "genome=evolved", *sensors, *SHORT)
     assert "is for network.wiring=Ring, and the settings have network.wiring=mlp" in said
     said = refused("evaluate", "genome=reference", *wiring, *SHORT)

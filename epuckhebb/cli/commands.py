@@ -1,5 +1,6 @@
 """Declares the commands of `epuckhebb`. Each imports what is heavy when it is called, so help comes at once."""
 
+import webbrowser
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -23,12 +24,11 @@ from epuckhebb.cli.options import (
     Run,
     RunOptions,
     StudyOptions,
-    experiment_argument,
     takes_options,
     with_experiment,
     with_genomes_named,
 )
-from epuckhebb.cli.output import open_in_browser, print_error
+from epuckhebb.cli.output import print_error
 from epuckhebb.runtime import JOB_FAILED, ConfigError
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def replay(
     files = write_replay(run, page, gif)
     typer.echo("\n".join(map(str, files)))
     if open_page:
-        open_in_browser(files[0])
+        webbrowser.open(files[0].resolve().as_uri())
 
 
 @app.command(cls=Command)
@@ -147,7 +147,7 @@ def play(
 @app.command(cls=Command)
 @takes_options
 def reproduce(
-    words: Annotated[list[str] | None, experiment_argument()] = None,
+    words: Overrides = None,
     quick: Annotated[bool, typer.Option("--quick", help="A smoke test in two minutes: 3 champions, 2 rates.")] = False,
     *,
     options: Output,
@@ -162,7 +162,7 @@ def reproduce(
 @app.command(cls=Command)
 @takes_options
 def leaderboard(
-    words: Annotated[list[str] | None, experiment_argument("reversal")] = None,
+    words: Overrides = None,
     quick: Annotated[
         bool,
         typer.Option("--quick", help="A smoke test in three minutes: 3 methods, 2 champions."),
@@ -201,7 +201,6 @@ def sweep(
     name: Annotated[str, typer.Argument(metavar="NAME", hidden=True, autocompletion=completion.complete_sweep)],
     overrides: Overrides = None,
     dry_run: DryRun = False,
-    fail_fast: Annotated[bool, typer.Option("--fail-fast", help="Start no job after one has failed.")] = False,
     *,
     options: StudyOptions,
 ) -> None:
@@ -213,7 +212,7 @@ def sweep(
     config_dir, words = options.config_dir, with_genomes_named(overrides)
     check_config_dir(config_dir)
     planned = plan_own(name, words) if ".py:" in name else plan(name, words, config_dir)
-    run_study(planned, options, dry_run=dry_run, fail_fast=fail_fast)
+    run_study(planned, options, dry_run=dry_run)
 
 
 @app.command(cls=Command)

@@ -1,7 +1,5 @@
 """Prints what a run, a folder of runs or a champion holds, in the terminal or as JSON."""
 
-import re
-import shlex
 from pathlib import Path
 from typing import Any
 
@@ -19,24 +17,15 @@ from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.scenario import EXPERIMENTS
 
 _LATEST = 10  # runs that are listed when none is named
-_NEEDED = re.compile(r"(hebbian|network|physics|robot|task)[.=]")  # what a champion needs to be what it was
-_CHANGED = {"light": "lowlight", "obstacles": "4obstacles"}  # a changed world of each experiment
 
 
 def print_finished(finished: list[Path], console: Console) -> None:
-    """Print the results of the runs of one call, and after an evolution what to type to evaluate its champion."""
+    """Print the results of the runs of one call."""
     if len(finished) > 1:
         _print_multirun(finished, console)
-    if len(finished) != 1:
-        return
-    (path,) = finished
-    results.print_results(path, console)
-    print_line(console, f"Run folder: {path}")
-    if Run(path).has("champion.npz"):
-        champion = load_genome(str(path), "")
-        world = [] if champion.task else [f"scenario={_CHANGED[champion.experiment]}"]
-        needed = [shlex.quote(word) for word in Run(path).provenance["overrides"] if _NEEDED.match(word)]
-        print_line(console, f"To evaluate it: epuckhebb evaluate {' '.join(['genome=latest', *world, *needed])}")
+    for path in finished if len(finished) == 1 else ():
+        results.print_results(path, console)
+        print_line(console, f"Run folder: {path}")
 
 
 def _print_multirun(finished: list[Path], console: Console) -> None:

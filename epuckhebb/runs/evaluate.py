@@ -130,16 +130,12 @@ def check_genome(genome: Genome, world: Scenario, shape: tuple[int, ...] | Wirin
             f"give task={genome.task or ONE_TRIAL.name}, or a champion that was evolved with task={task.name}"
         )
     check_wiring(genome.wiring, shape, genome.name)
-    if genome.optimizer and genome.sensors != sensors:
+    has_others = bool(genome.optimizer) and genome.sensors != sensors
+    if genome.robot != robot.name or genome.network.inputs != world.inputs or has_others:
         raise ConfigError(
-            f"genome={genome.name} is for a robot whose own sensors are {genome.sensors or 'none'}; those of robot "
-            f"{robot.name} are {sensors or 'none'}. Give robot.sensors=[...] as in training, or another champion"
-        )
-    if genome.robot != robot.name or genome.network.inputs != world.inputs:
-        raise ConfigError(
-            f"genome={genome.name} is for robot {genome.robot} and a network of layers {genome.network}; robot "
-            f"{robot.name} has {robot.inputs} readings. Give robot={genome.robot}, or a champion evolved for "
-            f"{robot.name}"
+            f"genome={genome.name} is for robot {genome.robot} with own sensors {genome.sensors or 'none'}, and a "
+            f"network of layers {genome.network}; robot {robot.name} has {robot.inputs} readings, own sensors "
+            f"{sensors or 'none'}. Give robot={genome.robot} and robot.sensors as in training, or another champion"
         )
 
 
