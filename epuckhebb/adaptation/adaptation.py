@@ -91,7 +91,6 @@ class Adaptation(NoAdaptation):
         self.signal: type[ChangeSignal] | None = self.change_signal if isinstance(self.change_signal, type) else kind
         self.is_gated = self.signal is not None
         self.acts = self.is_gated or self.homeostasis  # all that acts compares with nominal statistics
-        self.needs_arrival = self.signal is not None and self.signal.needs_arrival
         self.follows_walls = self.exploration is not Exploration.motor_noise
         at_once = self.start_by_s <= STEP_S and self.threshold <= 0 and self.active_s == 0
         self.is_network_unused = self.exploration is Exploration.wall_following and at_once

@@ -99,7 +99,8 @@ def figure(
     name: Annotated[str, typer.Argument(metavar="[NAME]", help="Of the figure; without it, their names.")] = "",
     kind: Annotated[str, typer.Option("--format", "-f", metavar="png|svg|pdf", help="Of the file.")] = "png",
     width: Annotated[
-        float | None, typer.Option("--width", metavar="MM", help="88: a column of a paper, 180: a page.")
+        float | None,
+        typer.Option("--width", metavar="MM", min=20, max=1000, help="88: a column of a paper, 180: a page."),
     ] = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FILE", help="[RUN/figures/NAME.FORMAT]")
@@ -200,7 +201,6 @@ def sweep(
     name: Annotated[str, typer.Argument(metavar="NAME", hidden=True, autocompletion=completion.complete_sweep)],
     overrides: Overrides = None,
     dry_run: DryRun = False,
-    fail_fast: Annotated[bool, typer.Option("--fail-fast", help="Start no job after one has failed.")] = False,
     *,
     options: StudyOptions,
 ) -> None:
@@ -212,7 +212,7 @@ def sweep(
     config_dir, words = options.config_dir, with_genomes_named(overrides)
     check_config_dir(config_dir)
     planned = plan_own(name, words) if ".py:" in name else plan(name, words, config_dir)
-    run_study(planned, options, dry_run=dry_run, fail_fast=fail_fast)
+    run_study(planned, options, dry_run=dry_run)
 
 
 @app.command(cls=Command)
