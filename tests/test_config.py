@@ -129,7 +129,7 @@ RULES, ADAPTATIONS = groups("evaluate")["hebbian"], groups("evaluate")["adaptati
 )
 def test_adaptations_over_rules(hebbian, adaptation):
     if hebbian == "none" and adaptation.endswith("_learn_to_stay"):
-        with pytest.raises(ConfigError, match="stay=learn needs a plasticity rule"):
+        with pytest.raises(ConfigError, match="plastic_when=goal_signal needs a plasticity rule"):
             typed(composed("evaluate", ["hebbian=none", f"adaptation={adaptation}"]), EvaluateConfig)
         return
     config = typed(composed("evaluate", [f"hebbian={hebbian}", f"adaptation={adaptation}"]), EvaluateConfig)

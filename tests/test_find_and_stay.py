@@ -48,9 +48,7 @@ def run(nominal, *overrides, side="right", world="scenario=base change=[lamp_gon
     return run_lifetimes([individual], settings.world, lifetime)[0]
 
 
-@pytest.mark.parametrize(
-    "stays", first_of([{"stay": Stay.halt}, {"stay": Stay.learn, "plastic_when": PlasticWhen.goal_signal}])
-)
+@pytest.mark.parametrize("stays", first_of([{"stay": Stay.halt}, {"plastic_when": PlasticWhen.goal_signal}]))
 def test_agrees_with_the_oracle(beside_the_oracle, stays):
     finds = {"change_signal": "late", "exploration": Exploration.wall_following, "active_s": 10.0, "rest_s": 2.0}
     adaptation = Adaptation(threshold=1.2, start_by_s=4.0, **finds, **stays)
@@ -60,7 +58,7 @@ def test_agrees_with_the_oracle(beside_the_oracle, stays):
     more = {"seconds": 12.0, "nominal": nominal, "signs": -np.ones(234)}
     _, samples, robot = beside_the_oracle(CHAMPION.genes, "right", near, controller, **more)
     assert robot.arrived
-    assert (samples.weight_change[-1] > 0) == (adaptation.stay is Stay.learn)
+    assert (samples.weight_change[-1] > 0) == (adaptation.plastic_when is PlasticWhen.goal_signal)
     assert robot.halted == (adaptation.stay is Stay.halt)
 
 
@@ -109,7 +107,6 @@ def test_a_start_by_a_time_does_not_wait_for_lateness(nominal):
 @pytest.mark.parametrize(
     ("overrides", "words"),
     [
-        (["adaptation=find", "adaptation.stay=learn"], "plastic_when=goal_signal, not late"),
         (["adaptation=find_and_learn_to_stay", "hebbian=none"], "needs a plasticity rule"),
         (["adaptation=find", "adaptation.start_by_s=250"], "less than lifetime.duration_s = 250"),
         (["adaptation=none", "adaptation.stay=halt"], "adaptation.stay does nothing without a signal of change"),

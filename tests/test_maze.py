@@ -15,7 +15,6 @@ from epuckhebb.tmaze.maze import (
     Niche,
     Place,
     Pose,
-    Region,
     boxes,
     gap,
 )
@@ -67,7 +66,6 @@ def other(**values):
         ({"walls": {"thin": Box(0, 0, 0.1, 0.0)}}, r"maze\.walls\.thin, its sizes, must"),
         ({"obstacle_counts": (0, 5)}, r"maze\.obstacle_counts must .* got \(0, 5\)"),
         ({"goals": {"left": Place(0, 0), "right": Place(0.6, 0)}}, r"maze\.goals\.right must lie in"),
-        ({"arms": {"left": Region(), "right": Region(left=1, right=0)}}, r"maze\.arms\.right must have left below"),
         ({"start": Pose(0, -0.7, 0)}, r"maze\.start must lie in"),
         ({"arena_m": 11.0}, r"maze\.arena_m must lie in"),
         ({"goal_radius_m": 0.0}, r"maze\.goal_radius_m must"),

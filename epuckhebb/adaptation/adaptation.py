@@ -44,9 +44,9 @@ class Adaptation(NoAdaptation):
     is open and closed in turn for these times [s]; active_s = 0: no rests. start_by_s: the gate also opens at this
     time [s], if the robot has never been at its goal. exploration: what the robot does while the gate is open.
     motor_noise: standard deviation of noise on both wheels' outputs then. plastic_when: when plasticity acts; `late`:
-    while the gate is open, and the weights are reset when it closes. stay: what keeps the robot at the goal;
-    `learn`: plasticity, which then keeps what it learns there. homeostasis: whether the weights from the light
-    sensors are scaled until the light looks as in the training world.
+    while the gate is open, and the weights are reset when it closes; `goal_signal`: at the goal, and they are kept.
+    stay: what else keeps the robot at the goal. homeostasis: whether the weights from the light sensors are scaled
+    until the light looks as in the training world.
     """
 
     change_signal: Any = NONE
@@ -73,11 +73,6 @@ class Adaptation(NoAdaptation):
         if self.rest_s > 0 and self.active_s == 0:
             raise ValueError(
                 f"adaptation.rest_s = {self.rest_s:g} needs adaptation.active_s above 0: rests follow active times"
-            )
-        if self.stay is Stay.learn and self.plastic_when is not PlasticWhen.goal_signal:
-            raise ValueError(
-                "adaptation.stay=learn is learnt at the goal: give adaptation.plastic_when=goal_signal, not "
-                f"{self.plastic_when.name}"
             )
         if self.change_signal == NONE:
             gated = [field for field in fields(self)[2:] if field.name != "homeostasis"]
@@ -117,10 +112,8 @@ class Adaptation(NoAdaptation):
 
     def check(self, rule: Rule, duration_s: float, wiring: Wiring | None) -> None:
         """See `NoAdaptation`."""
-        if self.stay is Stay.learn and isinstance(rule, NoRule):
-            raise ValueError(
-                "adaptation.stay=learn needs a plasticity rule: give hebbian=stay, or adaptation.stay=halt"
-            )
+        if self.plastic_when is PlasticWhen.goal_signal and isinstance(rule, NoRule):
+            raise ValueError("adaptation.plastic_when=goal_signal needs a plasticity rule: give hebbian=stay")
         if duration_s <= self.start_by_s < math.inf:
             raise ValueError(
                 f"adaptation.start_by_s must be less than lifetime.duration_s = {duration_s:g}, or inf for never, got "
@@ -156,7 +149,7 @@ class Adaptation(NoAdaptation):
             scale=homeostasis(robot.light.count, post) if self.homeostasis else NO_HOOKS.scale,
             open_gate=open_gate,
             explore=explore,
-            resets=self.is_gated and self.stay is not Stay.learn,
+            resets=self.is_gated and self.plastic_when is not PlasticWhen.goal_signal,
         )
 
     def initial_state(self, robot: Robot) -> Any:

@@ -27,12 +27,11 @@ class PlasticWhen(Enum):
 
 
 class Stay(Enum):
-    """What keeps a robot at the goal: nothing new, a halt of its wheels for good or for a time, or learning there."""
+    """What keeps a robot at the goal: nothing new, or a halt of its wheels, for good or for a time."""
 
     none = "none"
     halt = "halt"
     wait = "wait"
-    learn = "learn"
 
     @property
     def halts(self) -> bool:

@@ -91,11 +91,6 @@ class Training:
                 f"training.obstacles_share must be 0 in maze {scenario.maze.name}, which has no niches for obstacles, "
                 f"got {self.obstacles_share}"
             )
-        if self.dead_sensor_share > 0 and scenario.robot.sensor_numbers < 2:
-            raise ValueError(
-                f"training.dead_sensor_share must be 0 for robot {scenario.robot.name}, which has only one sensor, "
-                f"got {self.dead_sensor_share}"
-            )
         if self.gain_rad_s is None:
             return
         if scenario.task.has_trials:

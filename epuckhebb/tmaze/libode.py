@@ -5,6 +5,7 @@ It is a package of the system, not of Python: `apt-get install libode8` on Debia
 """
 
 import ctypes
+from contextlib import suppress
 from functools import cache
 from typing import Any
 
@@ -18,7 +19,6 @@ _NAMES = ("libode.so.8", "libode.8.dylib")  # of version 0.16, whose functions a
 _PRECISION = b"ODE_double_precision"
 _POINTER, _REAL, _INT, _NOTHING = ctypes.c_void_p, ctypes.c_double, ctypes.c_int, None
 _FUNCTIONS: dict[str, tuple[Any, ...]] = {  # the C functions that Python calls: result, arguments
-    "dCheckConfiguration": (_INT, ctypes.c_char_p),
     "dInitODE2": (_INT, ctypes.c_uint),
     "dSetMessageHandler": (_NOTHING, _POINTER),
     "dAllocateODEDataForThread": (_INT, ctypes.c_uint),
@@ -84,19 +84,15 @@ def library() -> Any:
         ValueError: it is not installed, or is another version.
     """
     wanted = "physics=ode needs the Open Dynamics Engine 0.16 in double precision (Debian: apt-get install libode8)"
+    found: Any = None
     for name in _NAMES:
-        try:
+        with suppress(OSError):
             found = ctypes.CDLL(name)
-            break
-        except OSError:
-            continue
-    else:
-        raise ValueError(f"{wanted}; it is not installed")
+    if found is None or not found.dCheckConfiguration(_PRECISION):
+        raise ValueError(wanted)
     for name, (result, *arguments) in _FUNCTIONS.items():
         function = getattr(found, name)
         function.restype, function.argtypes = result, arguments
-    if not found.dCheckConfiguration(_PRECISION):
-        raise ValueError(f"{wanted}; the one installed has single precision")
     found.dInitODE2(0)
     found.dSetMessageHandler(_say_nothing)
     for name in _compiled:

@@ -98,12 +98,6 @@ class Maze:
         for kind in ("walls", "obstacles"):
             for name, box in getattr(self, kind).items():
                 check_value(f"maze.{kind}.{name}, its sizes,", box[2:], Range(0, above=True))
-        for side in SIDES:
-            region = self.arms[side]
-            if not (region.left < region.right and region.bottom < region.top):
-                raise ValueError(
-                    f"maze.arms.{side} must have left below right and bottom below top, got {list(region)}"
-                )
         arena = Range(-self.arena_m, self.arena_m, above=True, below=True)
         for name, place in {"start": self.start, **{f"goals.{side}": self.goals[side] for side in SIDES}}.items():
             check_value(f"maze.{name}", place[:2], arena)

@@ -109,7 +109,6 @@ class Scenario:
             )
         for side, place in self.goals_now.items():
             check_value(f"scenario.goals.{side}", place, Range(-self.maze.arena_m, self.maze.arena_m))
-        self.task.check_lamp(self.lamp.intensity)
         standing = boxes(self.maze, self.obstacles, self.layout)
         check_room("maze.start", self.maze.start, self.maze, self.robot.radius_m, standing)
         check_placed(self.placed, self.maze)
@@ -185,7 +184,7 @@ class Scenario:
     def check_lifetime(self, lifetime: Lifetime) -> None:
         """Check that the motors reach the gain, and that a lifetime is long enough for the task and all changes."""
         robot = self.robot
-        self.task.check_time(lifetime.duration_s)
+        self.task.check(self.lamp.intensity, lifetime.duration_s)
         if lifetime.gain_rad_s > robot.motor_limit_rad_s:
             raise ValueError(
                 f"lifetime.gain_rad_s must be more than 0 and at most {robot.motor_limit_rad_s:g}, the fastest of "

@@ -71,11 +71,8 @@ class Task(OwnClass):
         """Shares of rewarded trials to compare with, by name: without learning, and the best; none for one trial."""
         return {}
 
-    def check_lamp(self, intensity: float) -> None:
-        """Check that the task allows a lamp of this intensity; else a ValueError."""
-
-    def check_time(self, duration_s: float) -> None:
-        """Check that a lifetime is long enough; else a ValueError."""
+    def check(self, lamp_intensity: float, duration_s: float) -> None:
+        """Check that the task allows such a lamp, and that a lifetime is long enough; else a ValueError."""
 
     def hooks(self, first: int) -> Hooks:  # noqa: ARG002  # others need it
         """The functions that a lifetime calls. first: the place of the task's first input among the network's."""

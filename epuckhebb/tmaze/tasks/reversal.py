@@ -79,16 +79,13 @@ class Reversal(Task):
         check_value("task.last_switch", self.last_switch, Range(2, self.trials))
         check_value("task.first_switch", self.first_switch, Range(2, self.last_switch))
 
-    def check_lamp(self, intensity: float) -> None:
-        """See `Task`: a lamp would show the first side."""
-        if intensity != 0:
+    def check(self, lamp_intensity: float, duration_s: float) -> None:
+        """See `Task`: a lamp would show the first side, and there must be time for every trial."""
+        if lamp_intensity != 0:
             raise ValueError(
                 "scenario.lamp.intensity must be 0 with task=reversal (the lamp would show that the right end is "
-                f"rewarded first), got {intensity:g}"
+                f"rewarded first), got {lamp_intensity:g}"
             )
-
-    def check_time(self, duration_s: float) -> None:
-        """See `Task`: there must be time for every trial."""
         longest_s = self.trials * (_steps(self.time_out_s) + _steps(self.reward_s)) * STEP_S
         if duration_s < longest_s - 1e-9:
             raise ValueError(
