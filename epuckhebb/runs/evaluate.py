@@ -30,7 +30,6 @@ from epuckhebb.runs.notes import notes_of
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Genome, RunFolder, as_npz, check_wiring, digest, load_genome, traces_arrays
 from epuckhebb.tmaze.batch import load_kernel
-from epuckhebb.tmaze.goal_signal import GoalSignal
 from epuckhebb.tmaze.individual import GA_ALONE, Controller
 from epuckhebb.tmaze.own_sensor import reading_names
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
@@ -49,15 +48,14 @@ class PreparedEvaluation:
     def in_world(self, world: Scenario) -> "PreparedEvaluation":
         """The same evaluation in another world of its experiment, for as long as lifetimes last there.
 
-        Physics and goal signal are those of the world if this brings its own, as `base_3d` does.
+        The physics is that of the world if this brings its own, as `base_3d` does.
         """
         if world.name == self.config.world.name:
             return self
         there = copy.copy(self.config)
         ours = self.config.world
         physics = ours.physics if world.physics == PYMUNK else world.physics
-        signal = ours.goal_signal if world.goal_signal == GoalSignal() else world.goal_signal
-        there.world = replace(world, fitness=ours.fitness, physics=physics, goal_signal=signal)
+        there.world = replace(world, fitness=ours.fitness, physics=physics)
         there.lifetime = replace(self.config.lifetime, duration_s=world.paper_duration_s)
         return PreparedEvaluation(config=there, genome=self.genome)
 
