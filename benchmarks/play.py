@@ -20,8 +20,8 @@ SECONDS = 3.0
 
 def frames(live: Play) -> Iterator[tuple[int, bytes]]:
     """What a page is sent: the kind and the content of each frame."""
-    connection = http.client.HTTPConnection("127.0.0.1", live.server.port, timeout=60)
-    connection.request("GET", "/stream", headers={"X-Epuckhebb": live.server.secret})
+    connection = http.client.HTTPConnection("127.0.0.1", live.port, timeout=60)
+    connection.request("GET", "/stream", headers={"X-Epuckhebb": live.secret})
     answer = connection.getresponse()
     while head := answer.read(8):
         length, kind = struct.unpack("<II", head)
@@ -30,18 +30,18 @@ def frames(live: Play) -> Iterator[tuple[int, bytes]]:
 
 def ask(connection: http.client.HTTPConnection, live: Play, **wish: object) -> None:
     """Wish something, as the page does."""
-    connection.request("POST", "/do", json.dumps(wish), {"X-Epuckhebb": live.server.secret})
+    connection.request("POST", "/do", json.dumps(wish), {"X-Epuckhebb": live.secret})
     answer = json.loads(connection.getresponse().read())
     assert "error" not in answer, answer
 
 
 def latency(live: Play) -> float:
     """Milliseconds from a change by hand to the frame in which the page has it."""
-    told, connection = frames(live), http.client.HTTPConnection("127.0.0.1", live.server.port, timeout=60)
+    told, connection = frames(live), http.client.HTTPConnection("127.0.0.1", live.port, timeout=60)
     ask(connection, live, do="play", value=True)
     taken = []
     for number in range(CHANGES):
-        before = len(live.engine.world.changes)
+        before = len(live.world.changes)
         began = time.perf_counter()
         ask(connection, live, do="change", values={"light": number / CHANGES})
         for kind, content in told:

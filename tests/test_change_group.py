@@ -13,7 +13,7 @@ from epuckhebb.cli import completion
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import plain
 from epuckhebb.runtime.conf import groups, rows
-from epuckhebb.studies import leaderboard_jobs, sweep
+from epuckhebb.studies import leaderboard, sweep
 
 WORLDS = Path(__file__).parent / "golden" / "worlds.jsonl"
 LINES = {line["name"]: line for line in map(json.loads, WORLDS.read_text().splitlines())}
@@ -158,7 +158,7 @@ def test_a_multirun_and_a_sweep_have_a_job_for_each_change():
     ends = ("", "_slip_left", "_dusk_heavy")
     names = [f"{scenario}{end}" for scenario in ("base", "4obstacles") for end in ends]
     assert [job.config["scenario"]["name"] for job in jobs] == names
-    tests = leaderboard_jobs.tests_of(["few"], "conf")["obstacles"]
+    tests = leaderboard.tests_of(["few"], "conf")["obstacles"]
     assert [world.name for world in tests.values()] == names[1:]
     dusk = tests["base+dusk+heavy"]
     assert (dusk.light, dusk.mass_ratio) == (0.05, 2.0)

@@ -61,7 +61,6 @@ def test_its_figure_is_drawn_again_and_it_is_shown(study, here):
     (folder,) = (here / "runs" / "sweep").iterdir()
     assert done("figure", folder).stdout.split() == ["success"]
     assert Path(done("figure", folder, "success", "-f", "svg").stdout.strip()).read_bytes().startswith(b"<?xml")
-    assert "success.csv" in done("show").stdout
     assert "Hebbian" in done("show", folder).stdout
     assert "Share of the lifetimes" in (folder / "report.md").read_text()
     provenance = json.loads((folder / "provenance.json").read_text())

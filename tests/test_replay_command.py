@@ -89,10 +89,3 @@ def opened(monkeypatch):
 def test_replay_open(short_run, opened):
     done("replay", short_run, "--open")
     assert opened == [(short_run / "replay.html").resolve().as_uri()]
-
-
-def test_open_without_a_browser_says_so(short_run, monkeypatch):
-    monkeypatch.setattr(webbrowser, "open", lambda _: False)
-    result = call("replay", short_run, "--open")
-    assert result.exit_code == 1
-    assert "no browser could be started" in result.output

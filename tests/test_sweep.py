@@ -28,7 +28,7 @@ from epuckhebb.store import provenance
 from epuckhebb.store.genome import load_genome
 from epuckhebb.store.run import Run
 from epuckhebb.studies import jobs as study_jobs
-from epuckhebb.studies import leaderboard_jobs, sweep
+from epuckhebb.studies import leaderboard, sweep
 
 FAST = ["lifetime.duration_s=3", "repeats=2"]
 TWO = ["scenario=base,4obstacles", *FAST]
@@ -76,7 +76,7 @@ def test_a_dry_run_lists_the_jobs_and_writes_nothing(here, name):
 
 def test_all_that_the_sweep_of_adaptations_names_is_there():
     swept = OmegaConf.load(data_folder("conf") / "experiment" / "adaptive.yaml").hydra.sweeper.params
-    assert [len(worlds) for worlds in leaderboard_jobs.tests_of(["adaptive"], None).values()] == [8, 8]
+    assert [len(worlds) for worlds in leaderboard.tests_of(["adaptive"], None).values()] == [8, 8]
     for genome in swept.genome.replace(" ", "").split(","):
         load_genome(genome, "obstacles")
 
@@ -216,15 +216,6 @@ def test_a_launcher_gets_so_many_jobs_at_a_time_and_all_of_them_though_one_faile
     folder = only_sweep(here)
     assert list(pd.read_csv(folder / "failed.csv").job) == [0]
     assert set(pd.read_csv(folder / "sweep.csv").scenario) == {"2obstacles", "4obstacles"}
-
-
-@pytest.mark.usefixtures("failing")
-def test_fail_fast_starts_no_further_job(here):
-    result = call("sweep", "obstacles", *TWO, "seed=1,2", "hydra/launcher=basic", "--fail-fast", "--json")
-    assert result.exit_code == 1
-    told = json.loads(result.stdout)
-    assert (len(told["failed"]), told["left_out"], told["done_now"]) == (1, 3, 0)
-    assert len(pd.read_csv(only_sweep(here) / "failed.csv")) == 1
 
 
 @pytest.mark.thorough

@@ -15,7 +15,6 @@ import epuckhebb
 from epuckhebb.analysis import report
 from epuckhebb.analysis.figures import plain as in_figures
 from epuckhebb.analysis.tables import Table, code, plain
-from epuckhebb.cli.console import Terminal
 from epuckhebb.cli.output import report_errors
 from epuckhebb.config import overrides
 from epuckhebb.config.overrides import literal
@@ -112,7 +111,6 @@ class Closed(io.StringIO):
 
 def test_who_stops_reading_does_not_stop_the_work(monkeypatch):
     monkeypatch.setattr(sys, "stdout", Closed())
-    Terminal().print("a table")
     with report_errors():
         print(json.dumps({}))
 

@@ -7,7 +7,7 @@ succeeds if it is rewarded. A first table has a row for each champion; the leade
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,9 +16,8 @@ import pandas as pd
 from epuckhebb.analysis import findings, rescue
 from epuckhebb.analysis.statistics import bootstrap_mean, bootstrap_ratio, sign_flip, wilson
 from epuckhebb.analysis.tables import Table, code, pictures
-from epuckhebb.evolution.training import Training
 from epuckhebb.tmaze.individual import CLASSES, GA
-from epuckhebb.tmaze.scenario import TRAINED, Scenario
+from epuckhebb.tmaze.scenario import TRAINED
 from epuckhebb.tmaze.task import Task
 
 FIGURE = "leaderboard.png"
@@ -27,7 +26,6 @@ PLAIN, EVOLVED, POST_HOC = "plain", "evolved", "post_hoc"  # the kinds of method
 KINDS = {PLAIN: "no plasticity", EVOLVED: "plasticity during evolution", POST_HOC: "added after evolution"}
 SEEN = {"rescue": "best", "rescue_new_kinds": "find_and_stay"}  # sweep: the first method made in its worlds
 _OF_ROW = ("experiment", "method", "kind", "knowledge_class", "knowledge", "matched_control")
-_NO_WORLD = ("name", "experiment", "paper_N", "paper_duration_s")  # fields of a scenario that change no lifetime
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,27 +39,6 @@ class Row:
     evolved_parameters: int
     knowledge: str = "senses"  # what it uses, with commas between
     knowledge_class: str = CLASSES[0]
-
-
-def can_be(trained: Scenario, training: Training, world: Scenario) -> bool:
-    """Whether a training can draw exactly this world. trained: the world that the training varies.
-
-    A number that is drawn from a range is never that of a test; one that is drawn from a few values can be.
-    """
-    drawn: dict[str, Any] = {}
-    if training.light_share > 0 and training.light[0] == training.light[1]:
-        drawn["light"] = training.light[:1]
-    if training.obstacles_share > 0:
-        layouts = range(training.layouts[0], training.layouts[1] + 1)
-        drawn |= {"layout": layouts, "obstacles": trained.maze.obstacle_counts if world.layout in layouts else ()}
-    if training.dead_sensor_share > 0:
-        drawn["dead_sensors"] = [(number,) for number in range(1, trained.robot.sensor_numbers)]
-    if training.wheel_share > 0 and training.wheel[0] == training.wheel[1]:
-        drawn |= dict.fromkeys(("left_wheel", "right_wheel"), training.wheel[:1])
-    ours, theirs = (replace(one, dead_sensors=tuple(one.dead_sensors)) for one in (trained, world))
-    names = [field.name for field in fields(Scenario) if field.name not in _NO_WORLD]
-    differing = [name for name in names if getattr(ours, name) != getattr(theirs, name)]
-    return all(getattr(theirs, name) in drawn.get(name, ()) for name in differing)
 
 
 def of_champion(metrics: pd.DataFrame, training_world: str) -> tuple[dict[str, int | None], pd.DataFrame]:

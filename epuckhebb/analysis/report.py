@@ -1,12 +1,10 @@
 """A page of a study as one HTML file, made from its Markdown."""
 
 import base64
-import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from html import escape
 
 from markdown_it import MarkdownIt
-from markdown_it.token import Token
 
 from epuckhebb.analysis import page
 from epuckhebb.analysis.tables import NEW_LINE
@@ -22,18 +20,13 @@ th, td { padding: .3rem .6rem; border-bottom: 1px solid #8884; text-align: left;
 th { vertical-align: bottom; } .number { text-align: right; }
 img { max-width: 100%; height: auto; background: #fff; border-radius: 4px; } code { font-size: .9em; }
 """
-_NUMBER = re.compile(r"\**([+−-]?[\d.]+[*%]*([ \[(,]|$)|–|$)")  # how a cell with a number begins: 2, not 2obstacles
-_UNBROKEN = re.compile(r"\[[+-]?\d[^]<]*\]|\d+ of \d+|\b[np] = [\d.e-]+")  # an interval, a count, an n or a p
 
 
 def html(text: str, picture: Callable[[str], bytes], title: str = "epuckhebb") -> str:
     """A report as one HTML page that loads nothing; `picture` gives a figure's PNG by its file name."""
     parser = MarkdownIt("commonmark", {"html": False}).enable("table")
-    tokens = parser.parse(text)
-    _align(tokens)
-    body = parser.renderer.render(tokens, parser.options, {})
-    body = body.replace(escape(NEW_LINE), "<br>")
-    body = _UNBROKEN.sub(lambda found: found[0].replace(" ", "&nbsp;"), body)
+    body = parser.render(text).replace(escape(NEW_LINE), "<br>")
+    body = body.replace(' style="text-align:right"', ' class="number"')  # the policy forbids styles of cells
     body = body.replace("<table>", '<div class="wide"><table>').replace("</table>", "</table></div>")
     for name in dict.fromkeys(part.split('"')[0] for part in body.split('src="figures/')[1:]):
         data = base64.b64encode(picture(name)).decode()
@@ -45,22 +38,3 @@ def html(text: str, picture: Callable[[str], bytes], title: str = "epuckhebb") -
         f"<title>{escape(title)}</title>\n<style>{_STYLE}</style>\n</head>\n"
         f"<body>\n{body}</body>\n</html>\n"
     )
-
-
-def _align(tokens: Sequence[Token]) -> None:
-    """Give the cells of columns of numbers a class; the policy forbids a style of their own."""
-    columns: dict[int, list[Token]] = {}
-    numbers: dict[int, bool] = {}
-    for place, token in enumerate(tokens):
-        if token.type == "tr_open":
-            column = 0
-        elif token.type in ("th_open", "td_open"):
-            columns.setdefault(column, []).append(token)
-            token.attrs.pop("style", None)
-            if token.type == "td_open":
-                numbers[column] = numbers.get(column, True) and bool(_NUMBER.match(tokens[place + 1].content))
-            column += 1
-        elif token.type == "table_close":
-            for cell in (cell for column, cells in columns.items() if numbers.get(column) for cell in cells):
-                cell.attrSet("class", "number")
-            columns, numbers = {}, {}

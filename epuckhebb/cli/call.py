@@ -45,7 +45,7 @@ def print_runs(command: str, runs: list[Path], output: Output) -> None:
     )
 
 
-def run_study(planned: "Planned", output: Output, *, dry_run: bool = False, fail_fast: bool = False) -> None:
+def run_study(planned: "Planned", output: Output, *, dry_run: bool = False) -> None:
     """Run a study and print its results; with `dry_run` list its jobs."""
     from epuckhebb.cli import results, show
     from epuckhebb.studies.jobs import todo
@@ -66,7 +66,7 @@ def run_study(planned: "Planned", output: Output, *, dry_run: bool = False, fail
         jobs = {"command": planned.study.command, "folder": str(folder), "jobs": listed}
         output.print(lambda: jobs, lambda console: results.print_jobs(jobs, console))
         return
-    outcome = conduct(planned, fail_fast=fail_fast)
+    outcome = conduct(planned)
     facts = {"command": planned.study.command, "folder": str(folder), **outcome.as_json()}
     output.print(lambda: show.as_json(folder) | facts, lambda console: results.print_results(folder, console))
     if outcome.failures:

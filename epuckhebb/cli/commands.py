@@ -1,5 +1,6 @@
 """Declares the commands of `epuckhebb`. Each imports what is heavy when it is called, so help comes at once."""
 
+import webbrowser
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -23,12 +24,11 @@ from epuckhebb.cli.options import (
     Run,
     RunOptions,
     StudyOptions,
-    experiment_argument,
     takes_options,
     with_experiment,
     with_genomes_named,
 )
-from epuckhebb.cli.output import open_in_browser, print_error
+from epuckhebb.cli.output import print_error
 from epuckhebb.runtime import JOB_FAILED, ConfigError
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def replay(
     files = write_replay(run, page, gif)
     typer.echo("\n".join(map(str, files)))
     if open_page:
-        open_in_browser(files[0])
+        webbrowser.open(files[0].resolve().as_uri())
 
 
 @app.command(cls=Command)
@@ -99,7 +99,8 @@ def figure(
     name: Annotated[str, typer.Argument(metavar="[NAME]", help="Of the figure; without it, their names.")] = "",
     kind: Annotated[str, typer.Option("--format", "-f", metavar="png|svg|pdf", help="Of the file.")] = "png",
     width: Annotated[
-        float | None, typer.Option("--width", metavar="MM", help="88: a column of a paper, 180: a page.")
+        float | None,
+        typer.Option("--width", metavar="MM", min=20, max=1000, help="88: a column of a paper, 180: a page."),
     ] = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FILE", help="[RUN/figures/NAME.FORMAT]")
@@ -117,7 +118,9 @@ def figure(
 def play(
     overrides: Overrides = None,
     side: Annotated[str, typer.Option("--side", metavar="left|right", help="The side of the goal.")] = "left",
-    port: Annotated[int, typer.Option("--port", metavar="PORT", help="The next free one is taken.")] = 8470,
+    port: Annotated[
+        int, typer.Option("--port", metavar="PORT", min=0, max=65535, help="If it is taken, any that is free.")
+    ] = 8470,
     browser: Annotated[
         bool, typer.Option("--browser/--no-browser", help="Open the page.  [yes]", show_default=False)
     ] = True,
@@ -125,8 +128,10 @@ def play(
     quiet: Quiet = False,
 ) -> None:
     """A live world in the browser, to disturb by hand."""
+    import webbrowser
+
     from epuckhebb.config import check_config_dir
-    from epuckhebb.live.server import Play, open_page
+    from epuckhebb.live.server import Play
     from epuckhebb.runtime import be_quiet, say
 
     be_quiet(quiet)
@@ -135,14 +140,14 @@ def play(
         say("Ctrl-C ends it.")
         typer.echo(live.address)  # from here on, Ctrl-C is how it is ended
         if browser:
-            open_page(live.address)
+            webbrowser.open(live.address)
         live.wait()
 
 
 @app.command(cls=Command)
 @takes_options
 def reproduce(
-    words: Annotated[list[str] | None, experiment_argument()] = None,
+    words: Overrides = None,
     quick: Annotated[bool, typer.Option("--quick", help="A smoke test in two minutes: 3 champions, 2 rates.")] = False,
     *,
     options: Output,
@@ -157,7 +162,7 @@ def reproduce(
 @app.command(cls=Command)
 @takes_options
 def leaderboard(
-    words: Annotated[list[str] | None, experiment_argument("reversal")] = None,
+    words: Overrides = None,
     quick: Annotated[
         bool,
         typer.Option("--quick", help="A smoke test in three minutes: 3 methods, 2 champions."),
@@ -196,7 +201,6 @@ def sweep(
     name: Annotated[str, typer.Argument(metavar="NAME", hidden=True, autocompletion=completion.complete_sweep)],
     overrides: Overrides = None,
     dry_run: DryRun = False,
-    fail_fast: Annotated[bool, typer.Option("--fail-fast", help="Start no job after one has failed.")] = False,
     *,
     options: StudyOptions,
 ) -> None:
@@ -208,7 +212,7 @@ def sweep(
     config_dir, words = options.config_dir, with_genomes_named(overrides)
     check_config_dir(config_dir)
     planned = plan_own(name, words) if ".py:" in name else plan(name, words, config_dir)
-    run_study(planned, options, dry_run=dry_run, fail_fast=fail_fast)
+    run_study(planned, options, dry_run=dry_run)
 
 
 @app.command(cls=Command)

@@ -1,4 +1,4 @@
-"""Where the program prints: standard output and standard error, whatever they can show and whether or not one reads."""
+"""Where the program prints: standard output and standard error, whatever they can show."""
 
 import textwrap
 from collections.abc import Iterable, Sequence
@@ -9,23 +9,17 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from epuckhebb.runtime import discard_output
-
 _GAP = 2  # characters between the columns of a table
 _LEAST = 10  # characters that a column of text needs
 _HEADING = 8  # characters of a heading's line above narrower figures
 
 
 class Terminal(Console):
-    """Standard output, or standard error, for a reader; a reader that stops does not stop the work."""
+    """Standard output, or standard error, for a reader."""
 
     def __init__(self, *, stderr: bool = False) -> None:
         """Write names as they are: nothing in them is an emoji. A notebook gets the lines that a file would get."""
         super().__init__(stderr=stderr, highlight=not stderr, emoji=False, force_jupyter=False)
-
-    def on_broken_pipe(self) -> None:
-        """Say nothing more."""
-        discard_output(self.file)
 
 
 def print_line(console: Console, text: str) -> None:

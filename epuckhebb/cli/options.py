@@ -41,7 +41,7 @@ _EXAMPLES = {
     "evolve": ["seed=7", "resume=runs/evolve/RUN ga.generations=60", '-m "seed=range(1,21)" hydra/launcher=joblib'],
     "evaluate": [
         "scenario=lowlight hebbian.N=0.002 repeats=50",
-        'genome=runs/evolve/RUN scenario=highlight "change=[slip_left,ir_low]"',
+        'genome=runs/evolve/RUN "change=[slip_left,ir_low]"',
         '"compare=[late,none]" scenario=lowlight',
         "-m hebbian.N=0,1.5e-5,0.002 scenario=base,4obstacles",
     ],
@@ -131,15 +131,6 @@ def takes_options(command: Callable[..., None]) -> Callable[..., None]:
     called.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
     called.__annotations__ = {one.name: one.annotation for one in parameters}
     return called
-
-
-def experiment_argument(*others: str) -> Any:
-    """The argument of a study: an experiment, the paper's, others or all of them, and settings."""
-    return typer.Argument(
-        metavar=f"[{'|'.join(('light', 'obstacles', *others, 'all'))}] [KEY=VALUE]...",
-        hidden=True,
-        autocompletion=_complete_override,
-    )
 
 
 def with_experiment(words: list[str] | None, default: str) -> tuple[str, list[str]]:

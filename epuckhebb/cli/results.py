@@ -78,9 +78,11 @@ def print_results(path: Path, console: Console) -> None:
     """Print the results of a run or of a study; nothing of a study that has not written its tables yet."""
     run = Run(path)
     if run.has("sweep.json"):
-        from epuckhebb.studies.study import study_in  # studies take a while to load
+        from epuckhebb.studies.study import Study, study_named  # studies take a while to load
 
-        if (study := study_in(run)) is not None and run.has(study.result):
+        reference = run.json("sweep.json")["name"]
+        study = Study if ":" in reference else study_named(reference)  # the file of a user's is not loaded
+        if run.has(study.result):
             print_study(study, path, console)
     elif run.provenance["command"] == "sweep":  # a job of a user's study, whose tables may have any columns
         pass

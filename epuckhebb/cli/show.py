@@ -1,13 +1,10 @@
 """Prints what a run, a folder of runs or a champion holds, in the terminal or as JSON."""
 
-import re
-import shlex
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from epuckhebb.analysis import tables
@@ -19,24 +16,15 @@ from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.scenario import EXPERIMENTS
 
 _LATEST = 10  # runs that are listed when none is named
-_NEEDED = re.compile(r"(hebbian|network|physics|robot|task)[.=]")  # what a champion needs to be what it was
-_CHANGED = {"light": "lowlight", "obstacles": "4obstacles"}  # a changed world of each experiment
 
 
 def print_finished(finished: list[Path], console: Console) -> None:
-    """Print the results of the runs of one call, and after an evolution what to type to evaluate its champion."""
+    """Print the results of the runs of one call."""
     if len(finished) > 1:
         _print_multirun(finished, console)
-    if len(finished) != 1:
-        return
-    (path,) = finished
-    results.print_results(path, console)
-    print_line(console, f"Run folder: {path}")
-    if Run(path).has("champion.npz"):
-        champion = load_genome(str(path), "")
-        world = [] if champion.task else [f"scenario={_CHANGED[champion.experiment]}"]
-        needed = [shlex.quote(word) for word in Run(path).provenance["overrides"] if _NEEDED.match(word)]
-        print_line(console, f"To evaluate it: epuckhebb evaluate {' '.join(['genome=latest', *world, *needed])}")
+    for path in finished if len(finished) == 1 else ():
+        results.print_results(path, console)
+        print_line(console, f"Run folder: {path}")
 
 
 def _print_multirun(finished: list[Path], console: Console) -> None:
@@ -119,10 +107,13 @@ def _in_short(path: Path) -> str:
         return ": ".join(filter(None, (status["state"], status.get("error", ""))))
     if run.has("history.csv"):
         return f"best fitness {run.rows('history.csv')[-1]['best_fitness']:.3f}"
+    if run.has("reversal.csv"):
+        shares = (f"{row['controller']} {row['rewarded_share']:.2f}" for row in run.rows("reversal.csv"))
+        return f"rewarded share: {', '.join(shares)}"
     if not run.has("metrics.csv"):
         return "finished"
     table = tables.paper_table(run.rows("metrics.csv"))
-    return ", ".join(f"{name} {side} {means['Success']:.2f}" for (name, side), means in table.items())
+    return "success: " + ", ".join(f"{name} {side} {means['Success']:.2f}" for (name, side), means in table.items())
 
 
 def _print_run(path: Path, console: Console) -> None:
@@ -133,9 +124,6 @@ def _print_run(path: Path, console: Console) -> None:
         print_champion(load_genome(str(path), ""), console)
     code = run["code"]
     commit = f", commit {code['commit'][:10]}{' with changes' if code['dirty'] else ''}" if code["commit"] else ""
-    facts = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
-    facts.add_column(style="bold")
-    facts.add_column(overflow="fold")
     for name, value in {
         "Command": " ".join(run["command_line"]),
         "Settings": " ".join(run["overrides"]) or "as by default",
@@ -146,8 +134,7 @@ def _print_run(path: Path, console: Console) -> None:
         "Files": ", ".join(sorted(f"{entry.name}/" if entry.is_dir() else entry.name for entry in path.iterdir())),
     }.items():
         if value:
-            facts.add_row(name, Text(value))
-    console.print(facts)
+            print_line(console, f"{name}: {value}")
 
 
 def genomes_named(what: str) -> list[tuple[Genome, str]]:

@@ -4,20 +4,22 @@ import json
 import struct
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from epuckhebb.analysis.page import filled, policy
 from epuckhebb.analysis.replay import fixed_facts, world_facts
-from epuckhebb.live.engine import SPEEDS, Engine
 from epuckhebb.live.world import LiveWorld
 from epuckhebb.runtime import conf
 from epuckhebb.tmaze.changes import MOST_BLOCKS
-from epuckhebb.tmaze.maze import boxes
 from epuckhebb.tmaze.robot import STEP_S
 
-WORLD, SAMPLES, NOTHING = range(3)  # kinds of frames; the last says that the server is there
+if TYPE_CHECKING:
+    from epuckhebb.live.server import Play
+
+WORLD, SAMPLES = range(2)  # kinds of frames
+SPEEDS = (0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 0.0)  # times real time; 0: as fast as it goes
 WEIGHTS_EVERY = 8  # steps; sensors, motors and poses are sent of every step
 _MOST = 2048  # steps in a frame; who is behind gets more frames
 _FRAMES = "http://localhost:* http://127.0.0.1:*"  # where the page may be in a frame: a notebook of this machine
@@ -29,13 +31,13 @@ def page() -> tuple[bytes, str]:
     return text.encode(), f"{policy(style=style, script=script)}; connect-src 'self'; frame-ancestors {_FRAMES}"
 
 
-def facts(engine: Engine) -> dict[str, Any]:
+def facts(play: "Play") -> dict[str, Any]:
     """What stays as it is in a lifetime."""
-    world = engine.world
+    world = play.world
     scenario, network = world.config.world, world.genome.network
     return {
         **fixed_facts(scenario, network, world.lifetime.gain_rad_s, [one.name for one in world.controllers]),
-        "life": engine.life,
+        "life": play.life,
         "isLive": True,
         "sides": [world.side],
         "kept": world.kept,
@@ -54,16 +56,14 @@ def facts(engine: Engine) -> dict[str, Any]:
     }
 
 
-def state(engine: Engine) -> dict[str, Any]:
+def state(play: "Play") -> dict[str, Any]:
     """What can change in a lifetime, and how it is shown."""
-    world = engine.world
+    world = play.world
     now, last = world.scenario, world.changes[-1] if world.changes else {}
-    fixed = len(boxes(now.maze, now.obstacles, now.layout)) - len(now.maze.walls)
     return {
         "world": {
             **world_facts(now),
             "placed": [list(box) for box in now.placed],
-            "fixed": fixed,
             "left": now.left_wheel,
             "right": now.right_wheel,
             "rate": now.rate,
@@ -73,11 +73,11 @@ def state(engine: Engine) -> dict[str, Any]:
         "byHand": len(world.changes),
         "last": {"at": last.get("at_s"), "keys": [key for key in last if key != "at_s"]},
         "put": list(now.put) if world.wishes and now.put is not None else None,
-        "playing": engine.is_playing,
-        "speed": engine.speed,
+        "playing": play.is_playing,
+        "speed": play.speed,
         "over": world.is_over,
-        "prepares": engine.prepares,
-        "trouble": engine.trouble,
+        "prepares": play.prepares,
+        "trouble": play.trouble,
     }
 
 
@@ -114,30 +114,25 @@ def samples(world: LiveWorld, since: int) -> tuple[bytes, int]:
     return b"".join(parts), until
 
 
-def frame(kind: int, payload: bytes) -> bytes:
-    """A frame: its length, its kind, its content."""
-    return struct.pack("<II", len(payload), kind) + payload
-
-
-def stream(engine: Engine, patience_s: float) -> Iterator[bytes]:
-    """Frames of what is new for one page, or that nothing is after so long [s], until the world ends."""
+def stream(play: "Play") -> Iterator[bytes]:
+    """What is new for one page, until the world ends: frames of a length, a kind and that many bytes."""
     life, version, sent = -1, -1, 0
 
     def is_news() -> bool:
-        return engine.has_ended or (engine.life, engine.version, engine.world.steps) != (life, version, sent)
+        return play.has_ended or (play.life, play.version, play.world.steps) != (life, version, sent)
 
     while True:
-        with engine.news:
-            engine.news.wait_for(is_news, patience_s)
-            if engine.has_ended:
+        with play.news:
+            play.news.wait_for(is_news)
+            if play.has_ended:
                 return
             frames = []
-            if (engine.life, engine.version) != (life, version):
-                news = {**(facts(engine) if engine.life != life else {}), **state(engine)}
-                frames.append(frame(WORLD, json.dumps(news, allow_nan=False).encode()))
-                sent = sent if engine.life == life else 0
-                life, version = engine.life, engine.version
-            if sent < engine.world.steps:
-                content, sent = samples(engine.world, sent)
-                frames.append(frame(SAMPLES, content))
-        yield b"".join(frames) or frame(NOTHING, b"")
+            if (play.life, play.version) != (life, version):
+                news = {**(facts(play) if play.life != life else {}), **state(play)}
+                frames.append((WORLD, json.dumps(news, allow_nan=False).encode()))
+                sent = sent if play.life == life else 0
+                life, version = play.life, play.version
+            if sent < play.world.steps:
+                content, sent = samples(play.world, sent)
+                frames.append((SAMPLES, content))
+        yield b"".join(struct.pack("<II", len(payload), kind) + payload for kind, payload in frames)

@@ -1,10 +1,9 @@
-"""The server of `epuckhebb play`: one page, a stream of what is new, and one address for all that a page wishes.
+"""Serves a live world: runs it in real time or faster, makes the changes that pages ask for, and streams what is new.
 
 It listens on this machine alone. Everything but the page needs a secret in a header of its own, which is behind the `#`
 of the address: browsers send that nowhere. The host must be ours, so no name can be bound to us anew.
 """
 
-import errno
 import hmac
 import json
 import os
@@ -12,7 +11,6 @@ import secrets
 import sys
 import threading
 import time
-import webbrowser
 from collections.abc import Sequence
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -20,34 +18,149 @@ from typing import Any
 
 from epuckhebb.config import quoted
 from epuckhebb.live import page
-from epuckhebb.live.engine import Engine
 from epuckhebb.live.world import LiveWorld
-from epuckhebb.runtime import ConfigError
-from epuckhebb.tmaze.maze import SIDES, Side
+from epuckhebb.tmaze.robot import STEP_S
 
 PORT = 8470
-_PORTS = 50  # that are tried, one after the other
-_LARGEST = 2**16  # bytes of a wish
-_PATIENCE_S = 20.0  # with a page that neither reads nor writes
-_QUIET_S = 5.0  # after which a page receives a sign that the server is still there
-_UNWATCHED_S = 3600.0  # after which a world without a page ends
-_HEADERS = {
-    "Cache-Control": "no-store",
-    "X-Content-Type-Options": "nosniff",
-    "Referrer-Policy": "no-referrer",
-    "Cross-Origin-Opener-Policy": "same-origin",
-}
+_FRAME_S = 1 / 30
+_AT_MOST = 1000  # steps between two frames, as fast as it goes
+_BEHIND_S = 0.25  # a machine that was busy or asleep catches up with no more than that
+_NEW = ("hebbian", "adaptation", "seed")  # settings that may differ in a new life
 
 
-class Server(ThreadingHTTPServer):
-    """Serves the page of one engine to whoever knows its secret; an OSError if the port is taken."""
+class Play:
+    """A live world that is served; a context manager that ends it.
 
+    words: settings, as on the command line. port: any that is free if this is taken. world: the one that runs now, as
+    long as somebody watches. life: its number. version: changes with whatever pages show besides samples. news:
+    notified when there is something to show; whoever reads or changes anything holds it. watchers: how many pages
+    watch.
+    """
+
+    def __init__(self, words: Sequence[str], side: str, config_dir: str | None = None, port: int = PORT) -> None:
+        self.world = LiveWorld(words, side, config_dir)
+        self._words, self._config_dir = words, config_dir
+        self.news = threading.Condition()
+        self.life, self.version, self.watchers = 0, 0, 0
+        self.speed, self.is_playing, self.has_ended = 1.0, True, False
+        self.prepares, self.trouble = "", ""  # a new life, while it is compiled; why the world stopped
+        self._due = time.perf_counter()
+        self.secret = secrets.token_urlsafe(24)
+        try:
+            self._server = _Server(("127.0.0.1", port), _Handler)
+        except OSError:
+            self._server = _Server(("127.0.0.1", 0), _Handler)
+        self._server.play, self.port = self, int(self._server.server_address[1])
+        self.address = f"http://127.0.0.1:{self.port}/#{self.secret}"
+
+    def __enter__(self) -> "Play":
+        """Begin to run and to serve."""
+        for target in (self._run, self._server.serve_forever):
+            threading.Thread(target=target, daemon=True).start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End the world, and tell all pages."""
+        self.end()
+        self._server.shutdown()
+        self._server.server_close()
+
+    def end(self) -> None:
+        """End, and let those who watch end."""
+        self._set(has_ended=True)
+
+    def wait(self) -> None:
+        """Wait until it has ended."""
+        while not self.has_ended:
+            time.sleep(0.5)
+
+    def _run(self) -> None:
+        while not self.has_ended:
+            with self.news:
+                if self._advance():
+                    self.news.notify_all()
+                self.news.wait(_FRAME_S if self._runs else None)
+
+    @property
+    def _runs(self) -> bool:
+        return self.is_playing and self.watchers > 0 and not self.world.is_over and not self.trouble
+
+    def _advance(self) -> bool:
+        """Run the steps that are due; returns whether there were any."""
+        now = time.perf_counter()
+        if not self._runs:
+            self._due = now
+            return False
+        if self.speed == 0:
+            steps, self._due = _AT_MOST, now
+        else:
+            lasts = STEP_S / self.speed
+            self._due = max(self._due, now - _BEHIND_S)
+            steps = int((now - self._due) / lasts)
+            self._due += steps * lasts
+        return steps > 0 and self._step(steps)
+
+    def _step(self, steps: int) -> bool:
+        before = self.world.robots[0].world
+        try:
+            done = self.world.run(steps)
+        except Exception as error:  # a robot is lost, or its rule cannot be run; pages go on, and may begin anew
+            self.trouble, done = str(error) or type(error).__name__, 1
+        self.version += self.world.robots[0].world is not before or self.world.is_over or bool(self.trouble)
+        return done > 0
+
+    def do(self, wish: dict[str, Any]) -> dict[str, Any]:
+        """Do what a page wishes, in the thread that serves it; returns the answer, or raises a ValueError."""
+        match wish:
+            case {"do": "change", "values": values}:
+                with self.news:
+                    self.world.wish(values)
+                    self._set()
+                    return {"step": self.world.steps}
+            case {"do": "play", "value": value}:
+                self._set(is_playing=bool(value))
+            case {"do": "speed", "value": value}:
+                self._set(speed=float(value))
+            case {"do": "step"}:
+                with self.news:
+                    self._step(1)
+                    self._set(is_playing=False)
+            case {"do": "new"}:
+                self._begin_anew(wish)
+            case {"do": "save"}:
+                with self.news:
+                    return self.world.save()
+        return {}
+
+    def _set(self, **values: Any) -> None:
+        """Set attributes, and show them in all pages."""
+        with self.news:
+            vars(self).update(values)
+            self._due = time.perf_counter() if values else self._due
+            self.version += 1
+            self.news.notify_all()
+
+    def _begin_anew(self, wish: dict[str, Any]) -> None:
+        """Begin a new life; what it needs is compiled aside, while the old one goes on."""
+        new = {key: str(wish[key]) for key in _NEW if wish.get(key) not in (None, "")}
+        words = [word for word in self._words if word.partition("=")[0].partition(".")[0] not in new]
+        self._set(prepares=" ".join(f"{key}={value}" for key, value in new.items()) or "a new life")
+        try:
+            words += [f"{key}={quoted(value)}" for key, value in new.items()]
+            world = LiveWorld(words, wish.get("side", self.world.side), self._config_dir)
+            self._set(world=world, trouble="", life=self.life + 1)
+        finally:
+            self._set(prepares="")
+
+    def watch(self, by: int) -> None:
+        """Count a page that begins (1) or ends (-1) to watch; without any, the life pauses."""
+        with self.news:
+            self._set(watchers=self.watchers + by)
+
+
+class _Server(ThreadingHTTPServer):
     allow_reuse_address = os.name != "nt"  # there it would let two programs share a port
-
-    def __init__(self, engine: Engine, port: int) -> None:
-        self.engine, self.secret = engine, secrets.token_urlsafe(24)
-        super().__init__(("127.0.0.1", port), _Handler)
-        self.port = int(self.server_address[1])  # the one that was free, if `port` is 0
+    play: Play
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Say nothing of a page that has gone; everything else is a mistake of ours."""
@@ -58,123 +171,55 @@ class Server(ThreadingHTTPServer):
 class _Handler(BaseHTTPRequestHandler):
     """Answers one connection."""
 
-    protocol_version, server_version, sys_version = "HTTP/1.1", "epuckhebb", ""
+    protocol_version = "HTTP/1.1"
     disable_nagle_algorithm = True
-    timeout = _PATIENCE_S
-    server: Server
+    timeout = 20.0  # s, with a page that neither reads nor writes
+    server: _Server
 
     def log_message(self, *_: object) -> None:
         """Log nothing."""
 
     def do_GET(self) -> None:
-        """Send the page, or the stream of what is new."""
-        if self.path == "/":
-            if self._is_allowed(from_page=False):
-                text, policy = page.page()
-                self._send(text, "text/html; charset=utf-8", policy)
-        elif self.path == "/stream":
-            if self._is_allowed():
-                self._stream()
+        """Send the page, or the stream of what is new until the page has gone or the world has ended."""
+        play = self.server.play
+        if self.path == "/" and self._names_us():
+            text, policy = page.page()
+            self._begin("text/html; charset=utf-8", {"Content-Length": len(text), "Content-Security-Policy": policy})
+            self.wfile.write(text)
+        elif self.path == "/stream" and self._is_from_page():
+            self.close_connection = True
+            play.watch(1)
+            try:
+                self._begin("application/octet-stream", {"Connection": "close"})
+                for news in page.stream(play):
+                    self.wfile.write(news)
+            finally:
+                play.watch(-1)
         else:
-            self.send_error(HTTPStatus.NOT_FOUND)
+            self.send_error(HTTPStatus.FORBIDDEN)
 
     def do_POST(self) -> None:
         """Do what a page wishes."""
-        length = self.headers.get("Content-Length", "")
-        if self.path != "/do":
-            self.send_error(HTTPStatus.NOT_FOUND)
-        elif not length.isdecimal() or len(length) > len(str(_LARGEST)) or int(length) > _LARGEST:
-            self.send_error(HTTPStatus.REQUEST_ENTITY_TOO_LARGE)
-        elif self._is_allowed():
-            content = self.rfile.read(int(length))
-            try:
-                answer = self.server.engine.do(json.loads(content))
-            except (ValueError, TypeError, ArithmeticError, OSError, RuntimeError) as error:  # a ConfigError, too
-                answer = {"error": str(error)}
-            self._send(json.dumps(answer).encode(), "application/json")
-
-    def _is_allowed(self, *, from_page: bool = True) -> bool:
-        """Whether the request names this server, and knows the secret if it must come from the page; else refuse it."""
-        secret = self.headers.get("X-Epuckhebb", "").encode("utf-8", "replace")
-        is_allowed = self.headers.get("Host") in [f"{name}:{self.server.port}" for name in ("127.0.0.1", "localhost")]
-        if from_page:
-            is_allowed = is_allowed and hmac.compare_digest(secret, self.server.secret.encode())
-        if not is_allowed:
+        if self.path != "/do" or not self._is_from_page():
             self.send_error(HTTPStatus.FORBIDDEN)
-        return is_allowed
-
-    def _send(self, content: bytes, kind: str, policy: str = "default-src 'none'") -> None:
-        self._begin(kind, {"Content-Length": str(len(content)), "Content-Security-Policy": policy})
+            return
+        try:
+            answer = self.server.play.do(json.loads(self.rfile.read(int(self.headers["Content-Length"]))))
+        except (ValueError, TypeError, ArithmeticError, OSError, RuntimeError) as error:  # a ConfigError, too
+            answer = {"error": str(error)}
+        content = json.dumps(answer).encode()
+        self._begin("application/json", {"Content-Length": len(content)})
         self.wfile.write(content)
 
-    def _begin(self, kind: str, more: dict[str, str]) -> None:
+    def _names_us(self) -> bool:
+        return self.headers.get("Host") in [f"{name}:{self.server.play.port}" for name in ("127.0.0.1", "localhost")]
+
+    def _is_from_page(self) -> bool:
+        secret = self.headers.get("X-Epuckhebb", "").encode("utf-8", "replace")
+        return self._names_us() and hmac.compare_digest(secret, self.server.play.secret.encode())
+
+    def _begin(self, kind: str, more: dict[str, Any]) -> None:
         self.send_response(HTTPStatus.OK)
-        for name, value in {"Content-Type": kind, **_HEADERS, **more}.items():
-            self.send_header(name, value)
+        for name, value in {"Content-Type": kind, "Cache-Control": "no-store", **more}.items():
+            self.send_header(name, str(value))
         self.end_headers()
-
-    def _stream(self) -> None:
-        """Send what is new until the page has gone or the world has ended."""
-        engine = self.server.engine
-        self.close_connection = True
-        engine.watch(1)
-        try:
-            self._begin("application/octet-stream", {"Connection": "close"})
-            for news in page.stream(engine, _QUIET_S):
-                self.wfile.write(news)
-        finally:
-            engine.watch(-1)
-
-
-class Play:
-    """A live world that is served; a context manager that ends it. words: settings. port: the first that is tried."""
-
-    def __init__(self, words: Sequence[str], side: str, config_dir: str | None = None, port: int = PORT) -> None:
-        def make(changed: dict[str, Any]) -> LiveWorld:
-            goal: Side = "right" if changed.pop("side", side) == "right" else "left"
-            kept = [word for word in words if word.partition("=")[0].partition(".")[0] not in changed]
-            new = [f"{key}={quoted(str(value))}" for key, value in changed.items()]
-            return LiveWorld([*kept, *new], goal, config_dir)
-
-        if side not in SIDES:
-            raise ConfigError(f"side must be {' or '.join(SIDES)}, got {side!r}")
-        if not 0 <= port <= 65535 - _PORTS:
-            raise ConfigError(f"--port must lie between 0 (any that is free) and {65535 - _PORTS}, got {port}")
-        self.engine = Engine(make)
-        for number in range(port, port + _PORTS):
-            try:
-                self.server = Server(self.engine, number)
-                break
-            except OSError as error:
-                if error.errno not in (errno.EADDRINUSE, errno.EACCES):
-                    raise
-        else:
-            raise ConfigError(f"--port={port}: this port and the {_PORTS - 1} after it are taken; give another")
-        self.address = f"http://127.0.0.1:{self.server.port}/#{self.server.secret}"
-
-    def __enter__(self) -> "Play":
-        """Begin to serve."""
-        self.engine.start()
-        threading.Thread(target=self.server.serve_forever, name="play-server", daemon=True).start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """End the world, and tell all pages."""
-        self.engine.end()
-        self.server.shutdown()
-        self.server.server_close()
-
-    def wait(self) -> None:
-        """Wait until nobody has watched for an hour."""
-        engine = self.engine
-        while engine.watchers or time.monotonic() - engine.unwatched_since < _UNWATCHED_S:
-            time.sleep(0.5)
-
-
-def open_page(address: str) -> bool:
-    """Open the page in a browser of this computer's desktop, if the user sits there; returns whether one was started.
-
-    A browser in the user's terminal would take that from the program.
-    """
-    has_display = not sys.platform.startswith("linux") or "DISPLAY" in os.environ or "WAYLAND_DISPLAY" in os.environ
-    return has_display and "SSH_CONNECTION" not in os.environ and webbrowser.open(address)

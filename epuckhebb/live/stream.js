@@ -7,7 +7,6 @@ let reader, rest = new Uint8Array(0);
 
 async function connect() {
   const answer = await fetch("/stream", { headers });
-  if (answer.status === 503) throw new Error("Too many pages show this world: close one, and load this one again.");
   if (!answer.ok) throw new Error("This is not the whole address: open the one that `epuckhebb play` printed, with all that follows the #.");
   reader = answer.body.getReader();
 }

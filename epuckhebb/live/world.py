@@ -8,7 +8,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from epuckhebb.analysis.evaluate import individuals_for
 from epuckhebb.config import EvaluateConfig, hand, load, quoted
@@ -17,15 +17,11 @@ from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Run, write_atomic
 from epuckhebb.tmaze.changes import step_of
 from epuckhebb.tmaze.individual import GA_ALONE
-from epuckhebb.tmaze.maze import Side, added
-from epuckhebb.tmaze.outcome import Outcome
-from epuckhebb.tmaze.reachable import gap
+from epuckhebb.tmaze.maze import SIDES, Side, added, gap
 from epuckhebb.tmaze.robot import STEP_S
 from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.session import Session
 
-_OF_WORLD = ("light", "lamp", "lamp_on", "placed", "dead_sensors", "left_wheel", "right_wheel")
-BY_HAND = (*_OF_WORLD, "rate", "put", "reset")
 KEPT = 37_504  # steps of which samples are kept, the last ones: 20 minutes, a multiple of `page.WEIGHTS_EVERY`
 _LONGEST_S = 3600.0
 _SETTINGS = ("lifetime.duration_s", "lifetime.record_every", "repeats")  # of an evaluation; a world has its own
@@ -36,22 +32,6 @@ _COMPARED = {  # columns of metrics.csv that tell whether a saved lifetime is th
 }
 
 
-class Saved(NamedTuple):
-    """A saved lifetime. run: its folder. same: whether it went as it was seen. command: what repeats it."""
-
-    run: Path
-    same: bool
-    command: str
-
-
-class Record(NamedTuple):
-    """What is to be saved: how long the lifetime was [s], what was done by hand, and what the robots reached."""
-
-    duration_s: float
-    changes: list[dict[str, Any]]
-    outcomes: list[Outcome]
-
-
 class LiveWorld:
     """Robots in a lifetime that goes on as far as it is asked to, in a world that someone changes by hand.
 
@@ -60,8 +40,11 @@ class LiveWorld:
     done by hand. wishes: what will be done before the next step.
     """
 
-    def __init__(self, words: Sequence[str], side: Side, config_dir: str | None = None) -> None:
-        self.words, self.side, self._config_dir = list(words), side, config_dir
+    def __init__(self, words: Sequence[str], side: str, config_dir: str | None = None) -> None:
+        if side not in SIDES:
+            raise ConfigError(f"side must be {' or '.join(SIDES)}, got {side!r}")
+        self.words, self._config_dir = list(words), config_dir
+        self.side: Side = "right" if side == "right" else "left"
         keys = {word.partition("=")[0] for word in words}
         default = [] if keys & {_SETTINGS[0], "lifetime", "task"} else [f"{_SETTINGS[0]}={_LONGEST_S:g}"]
         words = [*default, *words, "lifetime.record_every=8", "repeats=1"]
@@ -73,7 +56,7 @@ class LiveWorld:
         compile_for(self.controllers, genome.network, config.world)
         self.lifetime = replace(config.lifetime, record_every=1)
         self.kept = KEPT
-        wanted = [(number, side, 0) for number in range(len(self.controllers))]
+        wanted = [(number, self.side, 0) for number in range(len(self.controllers))]
         nominal, plan, network = prepared.remember(1), genome.plan, genome.network
         individuals = individuals_for(genome.genes, self.controllers, wanted, nominal, plan, network, config.seed)
         self.robots = [Session(one, config.world, self.lifetime, most_samples=KEPT) for one in individuals]
@@ -99,9 +82,6 @@ class LiveWorld:
 
     def wish(self, values: Mapping[str, Any]) -> None:
         """Let something change before the next step, or raise a ValueError; wishes before that step are joined."""
-        unknown = sorted(map(str, set(values) - set(BY_HAND)))
-        if unknown or not values:
-            raise ValueError(f"{', '.join(unknown) or 'nothing'} cannot be changed by hand, only {', '.join(BY_HAND)}")
         if self.is_over:
             raise ValueError("this life has ended; begin a new one")
         joined = {**self.wishes, **values}
@@ -129,22 +109,22 @@ class LiveWorld:
             robot.step(before + steps - robot.steps)
         return self.steps - before
 
-    def record(self) -> Record:
-        """What is to be saved now; a ValueError if a lifetime of many trials has not ended."""
+    def save(self, folder: Path = Path("runs")) -> dict[str, Any]:
+        """Run the lifetime again as `evaluate` does, into a run folder.
+
+        Returns `run`, its folder; `same`, whether it went as it was seen; and `command`, which repeats it. A lifetime
+        of many trials that has not ended is a ValueError.
+        """
         task = self.config.world.task
         if task.has_trials and not self.is_over:
             raise ValueError(f"a life with task={task.name} can be saved when all its trials are over")
         duration_s = self.lifetime.duration_s if self.is_over else self.steps * STEP_S
-        return Record(duration_s, list(self.changes), [robot.outcome() for robot in self.robots])
-
-    def save(self, record: Record, folder: Path = Path("runs")) -> Saved:
-        """Run the lifetime again as `evaluate` does, into a run folder."""
         name = f"{hydra.new_stamp()}_{self.config.world.name}_seed{self.config.seed}_played"
         words = [word for word in self.words if word.partition("=")[0] not in _SETTINGS]
-        words += [f"lifetime.duration_s={record.duration_s!r}", "repeats=1"]
-        if record.changes:
+        words += [f"lifetime.duration_s={duration_s!r}", "repeats=1"]
+        if self.changes:
             file = folder / "play" / f"{name}.json"
-            write_atomic(file, hand.written(record.changes))
+            write_atomic(file, hand.written(self.changes))
             words.append(f"scenario.hand={quoted(str(file))}")
         run = folder / "evaluate" / name
         config = load(EvaluateConfig, words, self._config_dir)
@@ -153,8 +133,8 @@ class LiveWorld:
         evaluate_into(run, config, words, facts, threads=1)
         metrics = Run(run).table("metrics.csv").query("side == @self.side").set_index("controller")
         same = all(
-            float(metrics[column][controller.name]) == float(getattr(outcome, name))
-            for controller, outcome in zip(self.controllers, record.outcomes, strict=True)
+            float(metrics[column][controller.name]) == float(getattr(robot.outcome(), name))
+            for controller, robot in zip(self.controllers, self.robots, strict=True)
             for column, name in _COMPARED.items()
         )
-        return Saved(run, same, shlex.join(["epuckhebb", "evaluate", *words, *more]))
+        return {"run": str(run), "same": same, "command": shlex.join(["epuckhebb", "evaluate", *words, *more])}

@@ -3,9 +3,9 @@
 import os
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext, suppress
-from typing import IO, TYPE_CHECKING, Any
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from tqdm import tqdm
@@ -31,21 +31,7 @@ def say(note: str) -> None:
     if is_quiet():
         return
     with sys.modules["tqdm"].tqdm.external_write_mode(sys.stderr) if "tqdm" in sys.modules else nullcontext():
-        _print(note)  # above a bar
-
-
-def _print(line: str) -> None:
-    """Print a line on standard error; a reader that stops does not stop the work."""
-    try:
-        print(line, file=sys.stderr, flush=True)
-    except BrokenPipeError:
-        discard_output(sys.stderr)
-
-
-def discard_output(stream: IO[str]) -> None:
-    """Let nothing come of what else is written to a stream that nobody reads, at the end of the program too."""
-    with suppress(OSError, ValueError):  # a stream of a test has no number
-        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+        print(note, file=sys.stderr, flush=True)  # above a bar
 
 
 def bar(what: str, total: int, done: int = 0, *, quiet: bool = False) -> "tqdm[Any]":
@@ -55,14 +41,6 @@ def bar(what: str, total: int, done: int = 0, *, quiet: bool = False) -> "tqdm[A
     rarely = {} if sys.stderr.isatty() or "ipykernel" in sys.modules else {"mininterval": _LOG_S, "delay": _LOG_S}
     hidden = quiet or is_quiet()
     return tqdm(desc=what, total=total, initial=done, miniters=1, bar_format=_LOOK, disable=hidden, **rarely)
-
-
-def track(what: str, moments: Sequence[float]) -> Iterator[float]:
-    """The moments one after the other, beside a bar."""
-    with bar(what, len(moments)) as shown:
-        for moment in moments:
-            yield moment
-            shown.update()
 
 
 @contextmanager

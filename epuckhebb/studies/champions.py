@@ -70,7 +70,7 @@ class ChampionStudy(Study):
         run = new_evolution(path, config, job["overrides"], facts)
         began = time.process_time()
         evolve_into(run, prepared, None, threads=hydra.threads_of_job(config.threads), quiet=True)
-        write_atomic(path / COST, _cost_since(began))
+        write_atomic(path / COST, as_json({"cpu_s": round(time.process_time() - began, 2)}))
 
 
 def job_of(overrides: list[str], config: Plain, *, champion: str = "", purpose: str = "", **more: Any) -> Job:
@@ -88,9 +88,8 @@ def job_of(overrides: list[str], config: Plain, *, champion: str = "", purpose: 
 def world_named(name: str, config_dir: str | None) -> Scenario:
     """A world: the name of a scenario, and of changes, with + between them."""
     scenario, *changes = name.split("+")
-    change = f"change={changes}"
     try:
-        world = in_training_world(scenario, (change,), config_dir).world
+        world = evaluation_in(scenario, (f"change={changes}", "hebbian=none"), config_dir).world
     except ConfigError as error:
         raise ConfigError(f"world {name}: {error}") from error
     check_library(world)
@@ -98,14 +97,11 @@ def world_named(name: str, config_dir: str | None) -> Scenario:
 
 
 @functools.cache
-def in_training_world(world: str, task: tuple[str, ...] = (), config_dir: str | None = None) -> EvaluateConfig:
-    """An evaluation of genes alone in the training world."""
-    return load(EvaluateConfig, evaluation_in(world, *task, "hebbian=none"), config_dir)
-
-
-def evaluation_in(world: str, *words: str) -> list[str]:
-    """The settings of an evaluation that records nothing."""
-    return [f"scenario={world}", "lifetime.record_every=0", *words]
+def evaluation_in(
+    scenario: str, words: tuple[str, ...] = ("hebbian=none",), config_dir: str | None = None
+) -> EvaluateConfig:
+    """An evaluation that records nothing, of the genes alone unless the words add plasticity."""
+    return load(EvaluateConfig, [f"scenario={scenario}", "lifetime.record_every=0", *words], config_dir)
 
 
 @functools.cache
@@ -133,8 +129,4 @@ def _test(path: Path, config: EvaluateConfig, job: Plain, overrides: list[str], 
         if genome.sha256 != facts["genome_sha256"]:
             raise JobFailedError(f"the genes of {genome.name} changed in its lifetimes")
         run.write("metrics.csv", pd.DataFrame(rows))
-        run.write(COST, _cost_since(began))
-
-
-def _cost_since(began: float) -> bytes:
-    return as_json({"cpu_s": round(time.process_time() - began, 2)})
+        run.write(COST, as_json({"cpu_s": round(time.process_time() - began, 2)}))

@@ -50,19 +50,17 @@ class Outcome:
     """What a call did.
 
     done: the jobs that have a run now. before: how many of them had one before. failures: the jobs that failed, and
-    why. skipped: how many were not started because one failed.
+    why.
     """
 
     done: list[Job]
     before: int
     failures: list[tuple[Job, str]]
-    skipped: int
 
     def as_json(self) -> dict[str, Any]:
         """The same as JSON values."""
         failed = [{"run": job.run, "error": error} for job, error in self.failures]
-        now = len(self.done) - self.before
-        return {"done_before": self.before, "done_now": now, "failed": failed, "left_out": self.skipped}
+        return {"done_before": self.before, "done_now": len(self.done) - self.before, "failed": failed}
 
 
 def todo(folder: Path, jobs: Sequence[Job]) -> list[Job]:
@@ -81,26 +79,18 @@ def split(command: str, arguments: Sequence[str]) -> tuple[list[str], list[str]]
     return [argument for argument in arguments if argument not in hydras], hydras
 
 
-def launch(
-    study: RunFolder,
-    name: str,
-    jobs: Sequence[Job],
-    launcher: list[str],
-    do: Callable[[Any], None],
-    *,
-    fail_fast: bool = False,
-) -> Outcome:
+def launch(study: RunFolder, name: str, jobs: Sequence[Job], launcher: list[str], do: Callable[[Any], None]) -> Outcome:
     """Do the jobs that are not done, on any launcher of Hydra's.
 
     study: its folder. name: of the study, which every job is given. launcher: the overrides that set it up. do: a
-    function at the top of a module that does one of them. fail_fast: whether to start no job after one has failed.
+    function at the top of a module that does one of them.
     """
     folder = study.path
     missing = todo(folder, jobs)
     for job in missing:
         if os.path.lexists(folder / job.run):  # a run gets there whole, so it was changed since
             set_aside(folder / job.run, folder, "is not a finished run, or was changed since")
-    facts = {"name": name, "command_line": study.command_line, "fail_fast": fail_fast}
+    facts = {"name": name, "command_line": study.command_line}
     study.write(LIST, as_json({"schema": SCHEMA, **facts, "jobs": [job.run for job in jobs]}))
     attempts: dict[str, Path] = {}
     trouble = ""
@@ -123,21 +113,16 @@ def launch(
                     hydra.call("study", do, arguments)
                 except (ConfigError, JobFailedError) as error:
                     trouble = str(error)
-                if trouble and fail_fast:
-                    break
     remaining = {job.run for job in todo(folder, jobs)}
-    failures, skipped = [], 0
-    for job in missing:
-        begun = job.run in attempts and attempts[job.run].exists()
-        if job.run in remaining and fail_fast and not begun:
-            skipped += 1
-        elif job.run in remaining:
-            why = Run(attempts[job.run]).recorded_status.get("error") or trouble or "it ended unexpectedly"
-            failures.append((job, why))
+    failures = [
+        (job, Run(attempts[job.run]).recorded_status.get("error") or trouble or "it ended unexpectedly")
+        for job in missing
+        if job.run in remaining
+    ]
     with suppress(OSError):
         (folder / UNFINISHED).rmdir()  # unless something is left in it
     done = [job for job in jobs if job.run not in remaining]
-    return Outcome(done=done, before=len(jobs) - len(missing), failures=failures, skipped=skipped)
+    return Outcome(done=done, before=len(jobs) - len(missing), failures=failures)
 
 
 def count(folder: Path, jobs: Sequence[Job], attempts: Sequence[Path]) -> tuple[int, int]:

@@ -5,33 +5,43 @@ page are those of the last call. The folder is named by the tests, the seeds and
 """
 
 import functools
+import itertools
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 import pandas as pd
 
 from epuckhebb.analysis import leaderboard as board
+from epuckhebb.analysis.leaderboard import EVOLVED, PLAIN, POST_HOC, REVERSAL
 from epuckhebb.analysis.tables import Table
 from epuckhebb.config import (
     EvaluateConfig,
+    EvolveConfig,
+    alternatives,
     check_config_dir,
     from_values,
     load,
+    network_for,
+    own_files,
     quoted,
     register,
     settings,
+    swept_values,
+    typed_as,
 )
 from epuckhebb.controller.ranges import check as check_ranges
 from epuckhebb.controller.ranges import within
+from epuckhebb.runs import compile_for, prepare_evolution
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Run, fingerprint
-from epuckhebb.studies.champions import COST, ChampionStudy, worlds_digest
+from epuckhebb.studies.champions import COST, ChampionStudy, evaluation_in, job_of, world_named, worlds_digest
 from epuckhebb.studies.jobs import Job, split
-from epuckhebb.studies.leaderboard_jobs import REVERSAL, Entry, Planner, sweep_of, tests_of
-from epuckhebb.studies.methods import ALL, REVERSAL_TASK, Method, methods_named
+from epuckhebb.studies.methods import ALL, Method, in_reversal, methods_named
 from epuckhebb.studies.study import Planned, prepare
+from epuckhebb.tmaze.individual import GA_ALONE
 from epuckhebb.tmaze.scenario import TRAINED, Scenario
 
 if TYPE_CHECKING:
@@ -40,11 +50,21 @@ if TYPE_CHECKING:
 EXPERIMENTS = (*TRAINED, REVERSAL)
 QUICK = ("champions=2", "tests=[rescue]", "methods=[ga,sep_cma_es_varied,abcd_shared]")
 _METHODS = "methods="
-_PLAIN = "ga"  # what all rules are compared with in reversal learning
-_REVERSAL_GA = {"ga": "reversal"}
-_FIRST_REPORTED = 100  # settings were chosen on lower seeds
 _SHOWN = ((0, 1, 3, 4, 7), (0, 1, 2, 3, 6))  # columns in the terminal; those of reversal learning last
 _ENOUGH = 8  # champions of a method; fewer are a smoke test
+_CHAMPIONS, _RULES, _TESTS = STAGES = "evolve champions", "evolve rules for champions", "test champions"
+_PARTS = ("network", "fitness", "physics")  # groups of settings with which champions are tested as they evolved
+_NAMES = re.compile(r"[^\[\],\s'\"]+")  # in a value of a sweep, one or a list of them
+
+
+@dataclass(frozen=True, kw_only=True)
+class Entry:
+    """A method in an experiment: what the tables say of it, how its champions evolved, its jobs by stage and seed."""
+
+    row: board.Row
+    description: str
+    evolved: EvolveConfig
+    jobs: Mapping[str, Mapping[int, Job]]
 
 
 @register
@@ -88,26 +108,25 @@ class Leaderboard(ChampionStudy):
     @functools.cached_property
     def entries(self) -> list[Entry]:
         """The methods in each experiment, with their jobs, each composed and checked."""
-        worlds_of = self.worlds
         methods = methods_named(self.methods, self.config_dir)
         entries: list[Entry] = []
-        for one, worlds in worlds_of.items():
-            planner = Planner(self, one, worlds)
-            here = in_reversal(methods, self.config_dir) if one == REVERSAL else methods
-            entries += [planner.entry(method) for method in here]
+        for experiment in self.worlds:
+            here: dict[str, Entry] = {}
+            for method in in_reversal(methods) if experiment == REVERSAL else methods:
+                try:
+                    here[method.name] = _entry(self, experiment, method, here.get(method.champions_of))
+                except ConfigError as error:
+                    raise ConfigError(f"method {method.name}: {error}") from error
+            entries += here.values()
         return entries
 
     def stages(self) -> list[tuple[str, list[Job]]]:
         """See `Study`: champions, rules for champions, tests."""
-        stages: dict[str, dict[str, Job]] = {
-            what: {} for what in ("evolve champions", "evolve rules for champions", "test champions")
-        }
-        for entry in self.entries:
-            evolved = stages["evolve rules for champions" if entry.before else "evolve champions"]
-            for jobs, own in ((evolved, entry.champions), (stages["test champions"], entry.tests)):
-                for job in own.values():
-                    jobs.setdefault(job.run, job)
-        return [(what, list(jobs.values())) for what, jobs in stages.items() if jobs]
+        stages = [
+            (stage, {job.run: job for entry in self.entries for job in entry.jobs.get(stage, {}).values()})
+            for stage in STAGES
+        ]
+        return [(stage, list(jobs.values())) for stage, jobs in stages if jobs]
 
     def folder(self, jobs: Sequence[Job]) -> Path:  # noqa: ARG002  # other methods have the same folder
         """See `Study`."""
@@ -120,22 +139,25 @@ class Leaderboard(ChampionStudy):
         """See `Study`: a row for each champion; for each method and test world; the leaderboard; costs."""
         folder = runs[0].path.parent
         champions, worlds, costs = [], [], []
-        sweeps = sweep_of(self.tests, self.config_dir)
+        sweeps = {
+            name.replace("+", "_"): sweep for sweep in reversed(self.tests) for name in _swept(sweep, self.config_dir)
+        }
         for entry in self.entries:
             whose = {"experiment": entry.row.experiment, "method": entry.row.method}
+            *evolutions, tests = (entry.jobs[stage] for stage in STAGES if stage in entry.jobs)
             spent: dict[str, list[float]] = {"evolve_cpu_s": [], "test_cpu_s": []}
             of_worlds = []
-            for seed, test in entry.tests.items():
-                evolved = [Run(folder / jobs[seed].run) for jobs in (entry.before, entry.champions) if jobs]
-                tested = Run(folder / test.run)
-                metrics, task = tested.table("metrics.csv"), entry.task
+            for seed, test in tests.items():
+                evolved = [Run(folder / jobs[seed].run) for jobs in evolutions]
+                tested, task = Run(folder / test.run), entry.evolved.world.task
+                metrics = tested.table("metrics.csv")
                 counts, away = (
                     board.of_learner(metrics, task)
                     if task.has_trials
                     else board.of_champion(metrics, TRAINED[entry.row.experiment])
                 )
                 steps = sum(int(run.table("history.csv").robot_steps.sum()) for run in evolved)
-                names = {"seed": seed, "champion": entry.champions[seed].run, "test": test.run}
+                names = {"seed": seed, "champion": evolutions[-1][seed].run, "test": test.run}
                 champions.append(whose | names | counts | {"robot_steps": steps})
                 of_worlds.append(away)
                 spent["evolve_cpu_s"].append(sum(run.json(COST)["cpu_s"] for run in evolved))
@@ -162,31 +184,17 @@ class Leaderboard(ChampionStudy):
 
     def page(self, run: Run, captions: Mapping[str, str]) -> str:  # noqa: ARG002  # its one figure has its place
         """See `Study`."""
-        meanings = {entry.method.name: entry.method.description for entry in self.entries}
+        meanings = {entry.row.method: entry.description for entry in self.entries}
         tests = {experiment: list(own) for experiment, own in self.worlds.items()}
         table, worlds, costs = (_table(run, name) for name in ("leaderboard", "worlds", "cost"))
-        return board.markdown(table, worlds, costs, meanings, tests, self._provenance())
-
-    def _provenance(self) -> str:
-        last = self.first_seed + self.champions - 1
-        chosen = f"Settings of methods were chosen on seeds below {_FIRST_REPORTED}, none on these."
-        if self.first_seed < _FIRST_REPORTED:
-            chosen = f"**{chosen.removesuffix(', none on these.')}: these figures are too high.**"
-        tested, worlds = [], ""
-        if any(self.worlds.values()):
-            tested.append(f"{self.repeats} repeats of every champion, side and world")
-            worlds = (
-                f" Test worlds are those of the sweeps {', '.join(self.tests)}. No training uses one of them. Light "
-                "levels and weak wheels of tests lie between those of varied training."
-            )
-        if REVERSAL in self.worlds:
-            tested.append(f"{2 * self.reversal_repeats} new lifetimes of every champion in reversal learning")
         few = "**A smoke test: so few champions say nothing about a method.** " if self.champions < _ENOUGH else ""
-        return (
+        provenance = (
             f"{few}Made by `epuckhebb leaderboard`: {self.champions} champions of each method and experiment, seeds "
-            f"{self.first_seed} to {last}, evolved in the robot-steps of the table; {' and '.join(tested)} "
-            f"(seed {self.seed}). {chosen}{worlds}"
+            f"{self.first_seed} to {self.first_seed + self.champions - 1}. Tests (seed {self.seed}): {self.repeats} "
+            f"repeats of every champion, side and world of {', '.join(self.tests)}, which no training uses; "
+            f"{2 * self.reversal_repeats} new lifetimes in reversal learning."
         )
+        return board.markdown(table, worlds, costs, meanings, tests, provenance)
 
     @classmethod
     def shown(cls, run: Run) -> list[Table]:
@@ -228,33 +236,86 @@ def _as_list(argument: str) -> str:
     return f"{_METHODS}[{','.join(quoted(name) for name in names if name)}]"
 
 
-def in_reversal(methods: Sequence[Method], config_dir: str | None = None) -> list[Method]:
-    """These methods in reversal learning: their rules, evolved by the GA in its one world.
+@functools.cache
+def _swept(name: str, config_dir: str | None) -> tuple[str, ...]:
+    """The worlds of a named sweep."""
+    params = swept_values([f"experiment={name}"], config_dir)
+    if "scenario" not in params:
+        raise ConfigError(f"tests={name}: this sweep of conf/experiment/ names no scenarios in hydra.sweeper.params")
+    swept = alternatives([f"{key}={params[key]}" for key in ("scenario", "change") if key in params])
+    values = [[_NAMES.findall(word.partition("=")[2]) for word in words] for words in swept.values()]
+    return tuple("+".join(itertools.chain(*names)) for names in itertools.product(*values))
 
-    Methods that differ in training or optimizer alone are one here. All without plasticity are the GA. Methods with an
-    adaptation are left out.
-    """
-    (plain,) = methods_named([_PLAIN], config_dir)
-    found = [replace(plain, evolve={**REVERSAL_TASK, **_REVERSAL_GA})]
-    for method in methods:
-        if not method.is_rule_alone:
-            continue
-        made = replace(
-            method,
-            evolve={**REVERSAL_TASK, **_REVERSAL_GA, **method.rule} if method.evolve else {},
-            evaluate={**REVERSAL_TASK, **method.rule} if method.evaluate else {},
-            champions_of=_PLAIN if method.champions_of else "",
-            matched_control="" if method.champions_of else _PLAIN,
+
+def tests_of(sweeps: Sequence[str], config_dir: str | None) -> dict[str, dict[str, Scenario]]:
+    """The test worlds of every experiment: those of these sweeps, without the training world."""
+    tests: dict[str, dict[str, Scenario]] = {one: {} for one in TRAINED}
+    for name in (name for sweep in sweeps for name in _swept(sweep, config_dir)):
+        world = world_named(name, config_dir)
+        if name != TRAINED[world.experiment]:
+            tests[world.experiment][name] = world
+    return tests
+
+
+def _entry(study: Leaderboard, experiment: str, method: Method, over: Entry | None) -> Entry:
+    """A method in an experiment, with its jobs. over: the entry whose champions it takes, if it takes any."""
+    training, tests = TRAINED.get(experiment, TRAINED["obstacles"]), study.worlds[experiment]
+    if over and over.row.kind != PLAIN:
+        raise ConfigError(f"champions_of={method.champions_of}: its champions have a rule; no other can be added")
+    seeds = range(study.first_seed, study.first_seed + study.champions)
+    jobs = {stage: own for stage, own in over.jobs.items() if stage != _TESTS} if over else {}
+    if method.evolve:
+        words = [*([] if "scenario" in method.evolve else [f"scenario={training}"]), *typed_as(method.evolve)]
+        evolved = load(EvolveConfig, [*words, *(["genome=given"] if over else [])], study.config_dir)
+        if evolved.world.name in {world.name for world in tests.values()}:
+            raise ConfigError(f"its champions would be trained in {evolved.world.name}, a world of the tests")
+        prepare_evolution(evolved, has_genome=False)
+        jobs[_RULES if over else _CHAMPIONS] = {
+            seed: job_of(
+                [*typed_as(method.evolve), f"seed={seed}"],
+                {**evolved.values, "seed": seed},
+                champion=over.jobs[_CHAMPIONS][seed].run if over else "",
+                purpose=f"evolve {method.name}, {experiment}, seed {seed}",
+            )
+            for seed in seeds
+        }
+    else:
+        assert over is not None  # a method evolves, or takes another's champions
+        evolved = over.evolved
+    task = {key: value for key, value in method.evolve.items() if key.partition(".")[0] == "task"}
+    added = method.evaluate or {**task, "hebbian": "none"}
+    tested = dict(evaluation_in(training, tuple(typed_as(added)), study.config_dir).values)
+    tested |= {group: evolved.values[group] for group in (*_PARTS, *(["hebbian"] if method.evolve else []))}
+    tested |= {"seed": study.seed, "repeats": study.reversal_repeats if experiment == REVERSAL else study.repeats}
+    config = from_values(tested, EvaluateConfig, "its test")
+    if own_files(tested):
+        compile_for(config.controllers, network_for(config.world, config.shape), config.world)
+    kind = POST_HOC if method.evaluate else EVOLVED if config.controllers else PLAIN
+    if kind != PLAIN and not method.compared_with:
+        raise ConfigError("matched_control is missing: name the method that is the same without plasticity")
+    champions = jobs.get(_RULES) or jobs[_CHAMPIONS]
+    jobs[_TESTS] = {
+        seed: job_of(
+            [f"genome={champion.run}", *typed_as(method.evaluate)],
+            tested,
+            champion=champion.run,
+            purpose=f"test {method.name}, {experiment}, seed {seed}",
+            worlds=[training, *tests],
+            config_dir=study.config_dir,
         )
-        if method.rule and not any(replace(made, name=one.name, description=one.description) == one for one in found):
-            found.append(made)
-    names = [method.name for method in methods]
-    if not found[1:] and names != [_PLAIN]:
-        raise ConfigError(
-            f"methods={','.join(names)}: none has a place in reversal learning, which compares plasticity rules; give "
-            "one that has hebbian and no adaptation, for example modulated"
-        )
-    return found
+        for seed, champion in champions.items()
+    }
+    controller = next(iter(config.controllers), GA_ALONE)
+    row = board.Row(
+        experiment=experiment,
+        method=method.name,
+        kind=kind,
+        matched_control=method.compared_with,
+        evolved_parameters=evolved.plan.genes,
+        knowledge=", ".join(controller.knowledge),
+        knowledge_class=controller.knowledge_class,
+    )
+    return Entry(row=row, description=method.description, evolved=evolved, jobs=jobs)
 
 
 def _table(run: Run, name: str) -> pd.DataFrame:

@@ -2,7 +2,7 @@
 
 import functools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -20,7 +20,7 @@ from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.runs import prepare_evolution
 from epuckhebb.runtime import ConfigError, data_folder
 from epuckhebb.store import Genome, Run, load_genome
-from epuckhebb.studies.champions import ChampionStudy, in_training_world, job_of
+from epuckhebb.studies.champions import ChampionStudy, evaluation_in, job_of
 from epuckhebb.studies.jobs import Job, split, todo
 from epuckhebb.studies.study import Planned, prepare
 from epuckhebb.tmaze.fitness import Signal
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 EXPERIMENTS = {"light": ("light",), "obstacles": ("obstacles",), "all": ("light", "obstacles")}
+_EVOLVE, _TEST = "evolve champions", "evaluate champions"
 QUICK = ("champions=3", "repeats=3", "rates=[0.000015,0.002]")
 
 
@@ -47,16 +48,6 @@ class LiveFitness(Enum):
         if self is LiveFitness.paper:
             return Signal.behaviour
         return Signal.light_code if experiment == "light" else Signal.lifetime_mean
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Champion:
-    """A champion of the study, with its jobs; one whose genome is given is not evolved."""
-
-    experiment: str
-    name: str
-    evolution: Job | None
-    test: Job
 
 
 @register
@@ -105,33 +96,32 @@ class Reproduction(ChampionStudy):
         return genome
 
     @functools.cached_property
-    def planned(self) -> list[_Champion]:
-        """The champions, in the order of the tables."""
-        return [champion for one in EXPERIMENTS[self.experiments] for champion in self._champions(one)]
+    def jobs(self) -> dict[str, dict[tuple[str, str], Job]]:
+        """For each stage the jobs by experiment and champion; one whose genome is given is not evolved."""
+        evolutions, tests = dict[tuple[str, str], Job](), dict[tuple[str, str], Job]()
+        for experiment in EXPERIMENTS[self.experiments]:
+            training, shared = TRAINED[experiment], {"threads": self.threads, "physics": self.physics}
+            testing = evaluation_in(training).values | {"seed": self.seed, "repeats": self.repeats} | shared
+            how: dict[str, Any] = {"worlds": reproduction.worlds(experiment), "experiment": experiment}
+            how |= {"rates": self.rates, "signal": self.signal.of(experiment).name}
+            if self.given:
+                facts = {"name": self.given.name, "sha256": self.given.sha256}
+                tests[experiment, self.given.name] = job_of([], testing | {"genome": self.genome}, **how, **facts)
+                continue
+            evolving = load(EvolveConfig, [f"scenario={training}"]).values | {"ga": self.values["ga"]} | shared
+            prepare_evolution(from_values(evolving, EvolveConfig, "reproduce"))
+            for seed in range(self.first_seed, self.first_seed + self.champions):
+                name = f"{experiment}_seed{seed:03d}"
+                evolution = job_of([f"scenario={training}", f"seed={seed}"], evolving | {"seed": seed})
+                evolutions[experiment, name] = evolution
+                tests[experiment, name] = job_of(
+                    [f"genome={evolution.run}"], testing, champion=evolution.run, **how, name=name
+                )
+        return {_EVOLVE: evolutions, _TEST: tests}
 
     def stages(self) -> list[tuple[str, list[Job]]]:
         """See `Study`."""
-        evolutions, tests = [one.evolution for one in self.planned if one.evolution], [one.test for one in self.planned]
-        named = (("evolve champions", evolutions), ("evaluate champions", tests))
-        return [(what, jobs) for what, jobs in named if jobs]
-
-    def _champions(self, experiment: str) -> Iterator[_Champion]:
-        training, shared = TRAINED[experiment], {"threads": self.threads, "physics": self.physics}
-        evolving = load(EvolveConfig, [f"scenario={training}"]).values | {"ga": self.values["ga"]} | shared
-        testing = in_training_world(training).values | {"seed": self.seed, "repeats": self.repeats} | shared
-        how: dict[str, Any] = {"worlds": reproduction.worlds(experiment), "experiment": experiment, "rates": self.rates}
-        how |= {"signal": self.signal.of(experiment).name}
-        if self.given:
-            facts = {"name": self.given.name, "sha256": self.given.sha256}
-            test = job_of([], testing | {"genome": self.genome}, **how, **facts)
-            yield _Champion(experiment=experiment, name=self.given.name, evolution=None, test=test)
-            return
-        prepare_evolution(from_values(evolving, EvolveConfig, "reproduce"))
-        for seed in range(self.first_seed, self.first_seed + self.champions):
-            name = f"{experiment}_seed{seed:03d}"
-            evolution = job_of([f"scenario={training}", f"seed={seed}"], evolving | {"seed": seed})
-            test = job_of([f"genome={evolution.run}"], testing, champion=evolution.run, **how, name=name)
-            yield _Champion(experiment=experiment, name=name, evolution=evolution, test=test)
+        return [(stage, list(jobs.values())) for stage, jobs in self.jobs.items() if jobs]
 
     @classmethod
     def stored(cls, run: Run) -> "Reproduction":
@@ -142,21 +132,20 @@ class Reproduction(ChampionStudy):
 
     def tables(self, runs: Sequence[Run]) -> dict[str, pd.DataFrame]:
         """See `Study`."""
-        tests = runs[-len(self.planned) :]
+        tests = runs[-len(self.jobs[_TEST]) :]
         metrics = pd.concat([run.table("metrics.csv") for run in tests], ignore_index=True)
         return reproduction.tables_of(metrics, _paper())
 
     def figures(self, run: Run) -> dict[str, "Figure"]:
         """See `Study`; the champions that are shown run again."""
-        if todo(run.path, [one.test for one in self.planned]):
+        if todo(run.path, list(self.jobs[_TEST].values())):
             raise ConfigError(f"{run.path} was made by another version of the program; run it again")
         shown, histories = dict[str, Any](), dict[str, list[pd.DataFrame]]()
         for one, (best, *_) in _showcases(run).items():
             if self.given:
                 shown[one] = best, self.given.genes
                 continue
-            own = {each.name: run.path / each.evolution.run for each in self.planned if each.evolution}
-            own = {name: path for name, path in own.items() if name.startswith(one)}
+            own = {name: run.path / job.run for (where, name), job in self.jobs[_EVOLVE].items() if where == one}
             shown[one] = best, load_genome(str(own[best]), one).genes
             histories[one] = [Run(path).table("history.csv") for path in own.values()]
 

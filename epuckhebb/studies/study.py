@@ -186,9 +186,8 @@ class Planned:
         """What failed, in short; "" if nothing did."""
         if not outcome.failures:
             return ""
-        skipped = f", {outcome.skipped} left out" if outcome.skipped else ""
         job, why = outcome.failures[0]
-        return f"{len(outcome.failures)} of {len(self.jobs)} jobs{skipped}; {job.run}: {why}"
+        return f"{len(outcome.failures)} of {len(self.jobs)} jobs; {job.run}: {why}"
 
 
 def prepare(study: Study, of_hydra: Sequence[str], arguments: list[str]) -> Planned:
@@ -215,7 +214,7 @@ def plan_own(reference: str, arguments: list[str]) -> Planned:
         raise ConfigError(f"sweep {reference}: {type(error).__name__}: {error}") from error
 
 
-def conduct(planned: Planned, *, fail_fast: bool = False) -> Outcome:
+def conduct(planned: Planned) -> Outcome:
     """Do the jobs that are missing, one stage after the other, then write tables, figures and page.
 
     Raises:
@@ -231,7 +230,7 @@ def conduct(planned: Planned, *, fail_fast: bool = False) -> Outcome:
         for what, stage in planned.stages:
             missing = len(todo(folder.path, stage))
             say(f"{what}: {len(stage)} jobs, {len(stage) - missing} done before, {missing} to do.")
-            outcome = launch(folder, study.reference, stage, planned.launcher, study_job, fail_fast=fail_fast)
+            outcome = launch(folder, study.reference, stage, planned.launcher, study_job)
             if outcome.failures and not study.reports_failures:
                 raise JobFailedError(f"{what}: {planned.failure(outcome)}")
         study.report(folder, planned, outcome)
@@ -247,20 +246,11 @@ def study_job(cfg: Any) -> None:
     """
     attempt = hydra.output_folder()
     folder, run = attempt.parents[1], str(cfg.job)
-    stop = attempt.parent / "stop"
-    if stop.exists():
-        attempt.rmdir()
-        return
     listed = Run(folder).json(LIST)
     study, job = study_named(listed["name"]), Run(folder).json(f"{JOBS}/{run}.json")
     if study.name_of(job["config"]) != run:
         raise JobFailedError(f"{run}: the genome or the program has changed since the study began")
-    try:
-        study.work(attempt, job, {"command_line": listed["command_line"], "sweep": listed["name"]})
-    except Exception:
-        if listed["fail_fast"]:
-            stop.touch()
-        raise
+    study.work(attempt, job, {"command_line": listed["command_line"], "sweep": listed["name"]})
     try:
         attempt.rename(folder / run)
     except OSError:
@@ -288,14 +278,6 @@ def job_name(kind: str, depends: Plain) -> str:
     for part, key, _, name in list(own_references(depends)):
         part[key] = name
     return f"{kind}_{fingerprint(depends, own=[file.digest for file in own.values()])}"
-
-
-def study_in(run: Run) -> type[Study] | None:
-    """The class of the study of a folder, `Study` for a user's, whose file is not loaded; None in another folder."""
-    if not run.has("sweep.json"):
-        return None
-    reference = run.json("sweep.json")["name"]
-    return Study if ":" in reference else study_named(reference)
 
 
 def _own_study(reference: str) -> type[Study]:

@@ -28,7 +28,7 @@ BRIEF = {  # what makes a command line cheap, if nothing in it says otherwise
 FLAGS = {
     "evaluate": ["-m", "--multirun", "--json", "-q", "--cfg=job", "--config-dir=own", "--config-dir=nowhere", "--open"],
     "evolve": ["-m", "--json", "-q", "--cfg=hydra", "--config-dir=own"],
-    "sweep": ["--dry-run", "--fail-fast", "--json", "-q", "--config-dir=own"],
+    "sweep": ["--dry-run", "--json", "-q", "--config-dir=own"],
     "reproduce": ["--quick", "--json", "-q"],
     "replay": ["--output=page.html", "--gif=a.gif", "--output=nowhere/b.html"],
     "show": ["--json"],

@@ -46,7 +46,7 @@ def play(browser, live):
     for context in contexts:
         context.close()
     assert complaints == []
-    assert [url for url in requests if not url.startswith((f"http://127.0.0.1:{live.server.port}/", "data:"))] == []
+    assert [url for url in requests if not url.startswith((f"http://127.0.0.1:{live.port}/", "data:"))] == []
 
 
 def state(page):
@@ -87,7 +87,7 @@ def drag(page, start, *ways):
 
 
 def robots(live):
-    return [robot.pose for robot in live.engine.world.robots]
+    return [robot.pose for robot in live.world.robots]
 
 
 def pause(page):
@@ -100,12 +100,12 @@ def test_two_robots_run_and_a_pause_stops_them(play, live):
     assert len(state(page)["robots"]) == 2
     expect(page.locator("#hint")).to_be_visible()
     pause(page)
-    before = live.engine.world.steps
+    before = live.world.steps
     page.wait_for_timeout(200)
-    assert live.engine.world.steps == before
+    assert live.world.steps == before
     page.locator("#step").click()
     wait_until(page, lambda now: now["samples"] == before + 1)
-    for shown, robot in zip(state(page)["robots"], live.engine.world.robots, strict=True):
+    for shown, robot in zip(state(page)["robots"], live.world.robots, strict=True):
         seen = [shown["x"], shown["y"], shown["heading"]]
         np.testing.assert_allclose(seen, robot.samples.pose[before], rtol=0, atol=1e-6)
     page.locator("#play").click()
@@ -120,7 +120,7 @@ def test_a_robot_is_dragged(play, live):
     wait_until(page, lambda now: now["now"]["pending"])
     page.locator("#step").click()
     wait_until(page, lambda now: not now["now"]["pending"])
-    place = live.engine.world.changes[-1]["put"]
+    place = live.world.changes[-1]["put"]
     for pose in robots(live):
         assert math.dist(pose[:2], place[:2]) < 0.005
     assert math.dist(place[:2], (0.2, 0.17)) < 0.05  # not in the wall that lies behind
@@ -137,7 +137,7 @@ def test_blocks_are_set_down_moved_and_taken_away(play, live):
     wait_until(page, lambda now: now["now"]["world"]["placed"] and now["now"]["world"]["placed"][0][1] > 0.1)
     page.locator("#step").click()
     wait_until(page, lambda now: now["now"]["byHand"] == 1)
-    (placed,) = live.engine.world.scenario.placed
+    (placed,) = live.world.scenario.placed
     assert math.dist(placed[:2], (0.0, 0.17)) < 0.02
     page.locator("#drop").click()
     wait_until(page, lambda now: now["now"]["world"]["placed"] == [])
@@ -166,31 +166,31 @@ def test_every_control_changes_what_it_says(play, live):
     page = play()
     for slider, value, key, changed in SLIDERS:
         page.locator(f"#{slider}").fill(value)
-        wait_until(page, lambda _, key=key, changed=changed: getattr(live.engine.world.scenario, key) == changed)
+        wait_until(page, lambda _, key=key, changed=changed: getattr(live.world.scenario, key) == changed)
     page.locator("#intensity").fill("3.5")
-    wait_until(page, lambda _: live.engine.world.scenario.lamp.intensity == 3.5)
+    wait_until(page, lambda _: live.world.scenario.lamp.intensity == 3.5)
     page.locator("#lit").click()
-    wait_until(page, lambda _: live.engine.world.scenario.lamp_on is True)
+    wait_until(page, lambda _: live.world.scenario.lamp_on is True)
     expect(page.locator("#lit")).to_have_attribute("aria-pressed", "true")
     for number in (3, 0):
         page.locator("#sensors button").nth(number).click()
-    wait_until(page, lambda _: list(live.engine.world.scenario.dead_sensors) == [0, 3])
+    wait_until(page, lambda _: list(live.world.scenario.dead_sensors) == [0, 3])
     page.locator("#sensors button").nth(3).click()
-    wait_until(page, lambda _: list(live.engine.world.scenario.dead_sensors) == [0])
+    wait_until(page, lambda _: list(live.world.scenario.dead_sensors) == [0])
     page.locator("#reset").click()
-    wait_until(page, lambda _: any(change.get("reset") for change in live.engine.world.changes))
+    wait_until(page, lambda _: any(change.get("reset") for change in live.world.changes))
     for speed in ("50", "0", "0.25"):
         page.locator("#speed").select_option(speed)
-        wait_until(page, lambda _, speed=speed: live.engine.speed == float(speed))
+        wait_until(page, lambda _, speed=speed: live.speed == float(speed))
     assert page.locator("#log span").count() > 3
     assert "dead_sensors=[0]" in page.locator("#mazes .now").nth(1).text_content()
 
 
 def test_the_lamp_is_dragged(play, live):
     page = play()
-    lamp = live.engine.world.scenario.lamp
+    lamp = live.world.scenario.lamp
     drag(page, (lamp.x_m, lamp.y_m), (0.1, -0.1), (0.05, 0.0))
-    wait_until(page, lambda _: abs(live.engine.world.scenario.lamp.y_m) < 0.02)
+    wait_until(page, lambda _: abs(live.world.scenario.lamp.y_m) < 0.02)
 
 
 def test_with_the_keyboard_alone(play):
@@ -257,15 +257,15 @@ def test_the_time_line_begins_with_what_is_kept(play, live):
     pause(early)
     late = play()
     for page in (early, late):
-        wait_until(page, lambda now: now["samples"] == live.engine.world.steps)
-        for key, number in (("Home", None), ("End", live.engine.world.steps - 1)):
+        wait_until(page, lambda now: now["samples"] == live.world.steps)
+        for key, number in (("Home", None), ("End", live.world.steps - 1)):
             page.locator("#time").press(key)
             page.wait_for_timeout(100)  # it is drawn
             now = state(page)
             k = round(now["t"] / 0.032)
             assert k == (number or round(now["START"] / 0.032))
-            assert live.engine.world.steps - 512 <= k < live.engine.world.steps
-            for shown, robot in zip(now["robots"], live.engine.world.robots, strict=True):
+            assert live.world.steps - 512 <= k < live.world.steps
+            for shown, robot in zip(now["robots"], live.world.robots, strict=True):
                 seen = [shown["x"], shown["y"], shown["heading"]]
                 np.testing.assert_allclose(seen, robot.samples.pose[k % 512], rtol=0, atol=1e-6)
 
@@ -276,7 +276,7 @@ def test_a_new_life_begins_with_another_side_and_rule(play, live):
     page.locator("#hebbian").select_option("none")
     page.locator("#new").click()
     wait_until(page, lambda now: now.get("side") == "right")
-    assert live.engine.world.side == "right"
+    assert live.world.side == "right"
     assert len(state(page)["robots"]) == 1
 
 
@@ -303,7 +303,7 @@ def test_an_address_without_its_secret_says_so(browser, live):
 
 def test_the_end_of_the_program_is_told(play, live):
     page = play()
-    live.engine.end()
+    live.end()
     expect(page.locator("#outcome")).to_contain_text("The program has ended")
 
 
