@@ -16,8 +16,7 @@ from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.tmaze.batch import run_lifetimes
 from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
 from epuckhebb.tmaze.life import Lifetime
-from epuckhebb.tmaze.maze import SIDES, Pose
-from epuckhebb.tmaze.reachable import gap
+from epuckhebb.tmaze.maze import SIDES, Pose, gap
 from epuckhebb.tmaze.robot import EPUCK, STEP_S
 from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.session import Session

@@ -260,8 +260,8 @@ def test_a_rule_evolves_for_a_given_champion(champions):
 @pytest.mark.parametrize(
     ("words", "named"),
     [
-        ("genome=modulated", "give hebbian=modulated"),
-        ("genome=modulated hebbian=abcd_shared", "rule abcd_shared"),
+        ("genome=modulated", "rule of its evolution, modulated"),
+        ("genome=modulated hebbian=abcd_shared", "has rule abcd_shared"),
         ("genome=modulated hebbian=modulated hebbian.initial_weights=random", "hebbian.initial_weights=evolved"),
         ("genome=reference hebbian=modulated", "v, A, B, C, D, eta"),
     ],

@@ -384,7 +384,7 @@ def test_a_run_keeps_two_rules_of_one_file_name_and_needs_the_files_no_more():
     shutil.rmtree("b")
     done("replay", "run", "-o", "after.html")
     assert Path("after.html").read_bytes() == Path("before.html").read_bytes()
-    assert "Left out, as one controller is taken of a run: a, b" in done("export", "run", "--webots", "-o", "c").stdout
+    done("export", "run", "--webots", "-o", "c")
     assert "bit-identical" in done("rerun", "run").stdout
     assert not Path("done").exists()
 

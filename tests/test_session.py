@@ -20,7 +20,6 @@ from epuckhebb.controller.plasticity.rules.oja import Oja
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.evolution.optimizer import initial
 from epuckhebb.tmaze.batch import run_lifetimes
-from epuckhebb.tmaze.goal_signal import GoalSignal
 from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.light import Lamp
@@ -168,7 +167,6 @@ WHOLE = Scenario(
     light=1,
     second_lamp=[0, 1, 1],
     lamp=Lamp(x_m=0, y_m=0, towards_x=1, towards_y=0, beam_rad=1, intensity=3),
-    goal_signal=GoalSignal(delay_s=1, every_s=1, false_share=0, radius_ratio=1),
     **dict.fromkeys(["distance_gain", "left_wheel", "right_wheel", "mass_ratio", "rate"], 1),
     **dict.fromkeys(["distance_offset", "left_slip", "right_slip", "wall_friction", "crosstalk", "sun_turn_deg"], 0),
     maze=replace(T_MAZE, arena_m=2, goal_radius_m=1, start=Pose(0, 0, 0), goals={side: Place(1, 0) for side in SIDES}),

@@ -6,7 +6,6 @@ from enum import Enum
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from epuckhebb.adaptation import change_signals
 from epuckhebb.adaptation.change_signal import ChangeSignal, no_nominal
@@ -21,7 +20,6 @@ from epuckhebb.controller.random import noise_workspace_size
 from epuckhebb.controller.ranges import check, within
 from epuckhebb.controller.wiring import LAYERS, Wiring
 from epuckhebb.tmaze.fitness import Signal
-from epuckhebb.tmaze.goal_signal import initial_signal
 from epuckhebb.tmaze.individual import NO_HOOKS, Hooks, NoAdaptation
 from epuckhebb.tmaze.robot import STEP_S, Robot
 
@@ -93,7 +91,6 @@ class Adaptation(NoAdaptation):
         self.signal: type[ChangeSignal] | None = self.change_signal if isinstance(self.change_signal, type) else kind
         self.is_gated = self.signal is not None
         self.acts = self.is_gated or self.homeostasis  # all that acts compares with nominal statistics
-        self.needs_arrival = self.signal is not None and self.signal.needs_arrival
         self.follows_walls = self.exploration is not Exploration.motor_noise
         at_once = self.start_by_s <= STEP_S and self.threshold <= 0 and self.active_s == 0
         self.is_network_unused = self.exploration is Exploration.wall_following and at_once
@@ -171,7 +168,6 @@ class Adaptation(NoAdaptation):
             hand=np.zeros(1),
             homeostasis=initial_homeostasis_state(robot.light.count),
             noise=np.zeros(noise_workspace_size(16)),
-            signal=initial_signal(),
         )
 
     def no_nominal(self, robot: Robot) -> Any:
@@ -194,14 +190,13 @@ class AdaptationState(NamedTuple):
     """What an adaptation carries from step to step, besides the tally of the lifetime.
 
     recent: recent means, (inputs + 1,). hand: (1,) the side on which the robot follows a wall, 1 left, -1 right, 0
-    while it follows none. noise: workspace. signal: the goal signal of the last steps.
+    while it follows none. noise: workspace.
     """
 
     recent: Floats
     hand: Floats
     homeostasis: HomeostasisState
     noise: Floats
-    signal: NDArray[np.bool_]
 
 
 class Parts(NamedTuple):

@@ -46,15 +46,12 @@ class ChangeSignal(OwnClass):
         readings     recent means of the sensor readings; what follows them is no reading
         fitness      the recent mean of the live fitness
         nominal      the same in the training world: `NominalOfSide`
-
-    needs_arrival: whether it compares with the time at which the champion reached its goal in training.
     """
 
     PART: ClassVar[str] = "change signal"
     KEY: ClassVar[str] = "adaptation.change_signal"
     METHODS: ClassVar[tuple[str, ...]] = ("signal",)
     ARGUMENTS: ClassVar[Collection[str]] = _OF_SIGNAL
-    needs_arrival: ClassVar[bool] = False
     signal: ClassVar[Callable[..., float] | None] = None
 
 

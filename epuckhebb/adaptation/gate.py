@@ -13,10 +13,9 @@ from typing import Any
 from epuckhebb.adaptation import exploration
 from epuckhebb.adaptation.change_signal import ChangeSignal, SignalContext, signal_of, update_recent
 from epuckhebb.controller.compiling.kernel import compiled
-from epuckhebb.tmaze.goal_signal import goal_signal
 from epuckhebb.tmaze.robot import STEP_S
 
-WAIT_S = 1.5  # half as long again as the pauses of a goal signal that comes every second
+WAIT_S = 1.5  # how long a halt of `Stay.wait` lasts when the robot is no longer at the goal
 
 
 class PlasticWhen(Enum):
@@ -66,7 +65,7 @@ def gates(kind: type[ChangeSignal], plastic_when: PlasticWhen, stay: Stay) -> Ca
         gate, nominal, state = setup.adaptation, setup.nominal, life.adaptation
         tally = life.tally[0]
         update_recent(state.recent, life.activation, fitness, step)
-        at_goal = goal_signal(setup.goal_signal, tally.goal_distance, setup.goal_radius, state.signal, life.key, step)
+        at_goal = tally.goal_distance < setup.goal_radius
         tally.arrived = tally.arrived or at_goal
         tally.away_s = 0.0 if at_goal else tally.away_s + STEP_S
         time_s = step * STEP_S

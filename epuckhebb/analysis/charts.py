@@ -13,7 +13,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FixedLocator, LogLocator, MaxNLocator, NullFormatter, NullLocator, StrMethodFormatter
+from matplotlib.ticker import FixedLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 from numpy.typing import NDArray
 
 from epuckhebb.analysis import leaderboard, rescue
@@ -99,46 +99,32 @@ def rates(doses: pd.DataFrame) -> Figure:
 
     doses: of `analysis.summary.dose_response`; the rows of `GA` are without plasticity.
     """
-    mean_over = f"{doses.lifetimes.max()} lifetimes of {doses.genome.iloc[0]} on each side (95 % intervals: noise only)"
-    if doses.champions.max() > 1:
-        counts = " or ".join(map(str, sorted(doses.champions.unique())))
-        mean_over = f"{counts} champions on each side (95 % intervals over champions)"
+    over = "champions" if doses.champions.max() > 1 else f"noise, {doses.genome.iloc[0]} alone"
     conditions = list(doses.groupby("condition", sort=False))
     figure = Figure(figsize=(9, 2.9 * len(conditions) + 0.6), layout="constrained")
-    for (condition, own), panels in zip(
-        conditions, figure.subplots(len(conditions), 2, squeeze=False, sharex=True, sharey="col"), strict=True
-    ):
+    rows = figure.subplots(len(conditions), 2, squeeze=False, sharex=True, sharey="col")
+    for (condition, own), panels in zip(conditions, rows, strict=True):
+        alone, plastic = own[own.controller == GA], own[own.controller != GA].sort_values("N")
         for axes, column, label in zip(
             panels, ("success", "weight_change_mean"), ("success", _WEIGHT_CHANGE), strict=True
         ):
-            for side, marker in (("left", "o"), ("right", "^")):
-                of_side = own[own.side == side]
-                alone, plastic = of_side[of_side.controller == GA], of_side[of_side.controller != GA].sort_values("N")
-                y, low, high = (plastic[column + end].to_numpy(float) for end in ("", "_low", "_high"))
-                shift = 1.03 if side == "right" else 1 / 1.03
-                away = np.nan_to_num([y - low, high - y])
-                colour = SIDE_COLOUR[side]
-                axes.errorbar(plastic.N * shift, y, away, color=colour, marker=marker, capsize=2, label=side)
-                for row in alone.itertuples() if column == "success" else ():
-                    dashes = (0 if side == "left" else 4, (4, 4))  # two equal lines are both visible
-                    axes.axhline(row.success, color=colour, linestyle=dashes, linewidth=1.2, label=f"GA, {side}")
-                    axes.axhspan(row.success_low, row.success_high, color=colour, alpha=0.1, linewidth=0)
+            for side, marker, shift in (("left", "o", 1 / 1.03), ("right", "^", 1.03)):
+                of_side = plastic[plastic.side == side]
+                y, low, high = (of_side[column + end].to_numpy(float) for end in ("", "_low", "_high"))
+                look = {"color": SIDE_COLOUR[side], "marker": marker, "capsize": 2, "label": side}
+                axes.errorbar(of_side.N * shift, y, np.nan_to_num([y - low, high - y]), **look)
+                for success in alone.success[alone.side == side] if column == "success" else ():
+                    axes.axhline(success, color=SIDE_COLOUR[side], linestyle="--", linewidth=1.2, label=f"GA, {side}")
             axes.set(xscale="log", xlabel="base rate N", ylabel=label)
-            at = sorted(set(own.N[own.N > 0]))
-            _name_rates(axes, at, at)
+            _name_rates(axes, *[plastic.N.unique()] * 2)
             axes.set_xticks([], minor=True)
             tidy(axes, "y")
         panels[0].set_title(plain(condition), fontsize=10, loc="left")
         panels[0].set_ylim(-0.04, 1.04)
         if (own.weight_change_mean > 0).any():  # an adaptation may never act
             panels[1].set_yscale("log")
-            panels[1].yaxis.set(major_locator=LogLocator(subs=(1, 2, 5)), major_formatter=_AS_NUMBER)
-            panels[1].yaxis.set(minor_locator=NullLocator())
     figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
-    figure.suptitle(
-        f"Dose-response, mean over {mean_over}\nDashed line and band: GA, without plasticity, with its interval",
-        fontsize=10,
-    )
+    figure.suptitle(f"Dose-response, means with 95 % intervals (over {over})", fontsize=10)
     return figure
 
 
@@ -166,9 +152,7 @@ def learning_curves(histories: Mapping[str, list[pd.DataFrame]]) -> Figure:
     return figure
 
 
-def weight_change(
-    conditions: Mapping[str, Mapping[str, Samples]], against: str, title: str, robot: Robot = EPUCK
-) -> Figure:
+def weight_change(conditions: Mapping[str, Mapping[str, Samples]], against: str, title: str) -> Figure:
     """A panel for each condition: weight change between samples against fitness or a sensor reading.
 
     conditions: name -> side -> samples of one lifetime. against: `fitness`, `light` (mean) or `proximity` (largest).
@@ -179,7 +163,7 @@ def weight_change(
         for (side, samples), marker in zip(sides.items(), ("o", "^"), strict=True):
             look = {"color": SIDE_COLOUR[side], "marker": marker, "s": 9, "alpha": 0.35, "linewidths": 0}
             change = np.abs(np.diff(samples.weights, axis=0)).sum(axis=1)
-            lights, distances = (samples.sensors[:, robot.inputs_of(of)] for of in (robot.light, robot.distance))
+            lights, distances = (samples.sensors[:, EPUCK.inputs_of(of)] for of in (EPUCK.light, EPUCK.distance))
             values = {"fitness": samples.fitness, "light": lights.mean(axis=1), "proximity": distances.max(axis=1)}
             axes.scatter(values[against][1:], change, label=side, **look)
         axes.set(
@@ -217,15 +201,11 @@ def network(
     changes = {side: own.weights[-1].astype(float) - initial for side, own in samples.items()}
     scale = max(float(np.abs(change).max()) for change in changes.values()) or 1.0
     layers = (network.inputs + 1, *network.post)
-    most = max(layers)
-    figure = Figure(figsize=(6.2 * len(samples), max(4.8, 0.17 * most + 1)), layout="constrained")
-    places = np.array([(x, y) for x, count in enumerate(layers) for y in _heights(count, most)])
+    figure = Figure(figsize=(6.2 * len(samples), max(4.8, 0.17 * max(layers) + 1)), layout="constrained")
+    places = np.array([(x, y) for x, count in enumerate(layers) for y in _heights(count)])
     ends = np.stack([places[synapse_ends] for synapse_ends in network.joined], axis=1)  # (synapses, 2, x and y)
-    size = min(52.0, 52.0 * (32 / most) ** 2)
-    if network.inputs == robot.inputs:
-        names = [f"{group.short}{i}" for group in robot.sensors for i in range(group.count)] + ["bias"]
-    else:
-        names = [f"input {i}" for i in range(network.inputs)] + ["bias"]
+    sensors = [f"{group.short}{i}" for group in robot.sensors for i in range(group.count)]
+    names = [*(sensors if len(sensors) == network.inputs else map(str, range(network.inputs))), "bias"]
     for axes, (side, change) in zip(figure.subplots(1, len(samples), squeeze=False)[0], changes.items(), strict=True):
         order = np.argsort(np.abs(change))  # the strongest on top
         strength = np.abs(change[order]) / scale
@@ -233,14 +213,13 @@ def network(
         colours[:, 3] = 0.08 + 0.85 * strength
         axes.add_collection(LineCollection(list(ends[order]), colors=colours, linewidths=0.4 + 2.6 * strength))
         for layer, count in enumerate(layers):
-            heights = _heights(count, most)
-            axes.scatter([layer] * count, heights, s=size, color="white", edgecolor="black", zorder=3)
-        hidden = [f"{n} neuron{'s' if n > 1 else ''}" for n in network.post[:-1]]
-        axes.set_xticks(range(len(network.layers)), ["sensors\nand bias", *hidden, "wheels"], fontsize=8)
+            heights = _heights(count)
+            axes.scatter([layer] * count, heights, s=40, color="white", edgecolor="black", zorder=3)
+        axes.set_xticks([0, len(layers) - 1], ["sensors\nand bias", "wheels"], fontsize=8)
         axes.yaxis.set_major_locator(FixedLocator([]))
         axes.spines[:].set_visible(False)
         axes.set_title(f"{side}: weight higher (orange) or lower (blue) by up to {scale:.2g}", fontsize=10)
-        for name, height in zip(names, _heights(layers[0], most), strict=True):
+        for name, height in zip(names, _heights(layers[0]), strict=True):
             axes.annotate(name, (0, height), (-10, 0), textcoords="offset points", ha="right", va="center", fontsize=7)
     figure.suptitle(plain(title), fontsize=10)
     return figure
@@ -265,8 +244,6 @@ def rescue_over_all(over_all: pd.DataFrame) -> Figure:
             away = np.abs(own[[f"{what}_low", f"{what}_high"]].to_numpy().T - share)
             look = {"color": colour, "fmt": marker, "markersize": 5, "elinewidth": 1.2}
             axes.errorbar(share, places + shift, xerr=away, label=name, **look)
-        axes.axvline(0.05, color=_HARMED, linewidth=0.8, linestyle=":")
-        axes.annotate("5 %", (0.05, 0.6), (2, -8), textcoords="offset points", fontsize=7, color=_HARMED)
         names = [plain(rescue.label(row.controller, row.N)) for row in own.itertuples()]
         axes.set_yticks(places, names, fontsize=8)
         axes.set(xlim=(-0.02, 1.02), ylim=(0.5 - len(own), 0.6), xlabel="share of trials")
@@ -331,59 +308,37 @@ def _interval(axes: Axes, place: int, colour: str, value: float, low: float, hig
     axes.errorbar([value], [place], xerr=away, fmt="o", color=colour, markersize=5, elinewidth=1.3)
 
 
-def _heights(count: int, most: int) -> NDArray[np.float64]:
-    """Heights of the neurons of a layer: in small layers twice as far apart as in the largest, of `most` neurons."""
-    heights: NDArray[np.float64] = -(np.arange(count, dtype=np.float64) - (count - 1) / 2)
-    return heights * ((most - 1) / max(count, (most + 1) // 2))
+def _heights(count: int) -> NDArray[np.float64]:
+    """Heights of the neurons of a layer, from the top."""
+    return 1.0 - (np.arange(count, dtype=np.float64) + 0.5) / count
 
 
 _CONTROLLER_COLOURS = ("#999999", "#009E73", "#CC79A7", "#0072B2", "#D55E00", "#E69F00")
-_TRIALS_BEFORE, _TRIALS_AFTER = -3, 6  # trials around the switch
+_AROUND = (-3, 6)  # trials after the switch
 
 
 def reversal(table: pd.DataFrame, trials: pd.DataFrame, title: str) -> Figure:
-    """The rewarded share of each controller, over all trials and around the switch of the rewarded end."""
-    is_limit = table.lifetimes.isna()
-    names = list(table.controller[~is_limit])
-    limits = {row.controller: float(row.rewarded_share) for row in table[is_limit].itertuples()}
-    colours = dict(zip(names, itertools.cycle(_CONTROLLER_COLOURS), strict=False))
-    drawn = Figure(figsize=(9.6, 4.0), layout="constrained")
-    over_all, around = drawn.subplots(1, 2, width_ratios=[1, 1.25])
-    for place, row in enumerate(table[table.controller.isin(names)].itertuples()):
-        error = [[row.rewarded_share - row.low], [row.high - row.rewarded_share]]
-        over_all.bar(place, row.rewarded_share, color=colours[row.controller], width=0.6)
-        over_all.errorbar(place, row.rewarded_share, yerr=error, color="black", capsize=4)
-        over_all.annotate(f"{row.rewarded_share:.2f}", (place, row.high + 0.015), ha="center", fontsize=10)
-    labels = [plain(name.replace(" (", "\n(")) for name in names]
-    over_all.set(xticks=range(len(names)), xticklabels=labels, ylabel="share of rewarded trials")
-    for name in names:
-        shares = _around_switch(trials[trials.controller == name])
-        around.plot(shares.index, shares, color=colours[name], marker="o", markersize=4, label=plain(name))
-    around.axvline(-0.5, color="#222222", linewidth=0.8, linestyle=":")
-    around.set(xlabel="trials after the switch of the rewarded end", xticks=range(_TRIALS_BEFORE, _TRIALS_AFTER + 1))
-    _levels(over_all, limits)
-    _levels(around, dict(list(limits.items())[:1]))
-    drawn.legend(*around.get_legend_handles_labels(), fontsize=8, frameon=False, loc="outside lower right", ncols=4)
-    drawn.suptitle(plain(title), fontsize=9)
-    return drawn
+    """The rewarded share of each controller around the switch of the rewarded end, beside the first limit of `table`.
 
-
-def _around_switch(trials: pd.DataFrame) -> "pd.Series[float]":
-    """The share of rewarded trials by the number of trials after the switch; lifetimes without one are left out."""
-    lifetime = [trials.side, trials.repeat]
+    trials: a row each; lifetimes without a switch are left out.
+    """
+    lifetime = [trials.controller, trials.side, trials.repeat]
     first = trials.rewarded_side.groupby(lifetime).transform("first")
     switch = trials.trial.where(trials.rewarded_side != first).groupby(lifetime).transform("min")
     after = trials.trial - switch
-    known = after.between(_TRIALS_BEFORE, _TRIALS_AFTER)
-    return trials.rewarded[known].groupby(after[known].astype(int)).mean()
-
-
-def _levels(axes: Axes, levels: Mapping[str, float]) -> None:
-    axes.set_ylim(0, 1.05)
+    known = after.between(*_AROUND)
+    drawn = Figure(figsize=(6.4, 4.0), layout="constrained")
+    axes = drawn.subplots()
+    for name, colour in zip(table.controller[table.lifetimes.notna()], itertools.cycle(_CONTROLLER_COLOURS)):
+        own = known & (trials.controller == name)
+        shares = trials.rewarded[own].groupby(after[own].astype(int)).mean()
+        axes.plot(shares.index, shares, color=colour, marker="o", markersize=4, label=plain(name))
+    for limit in table[table.lifetimes.isna()][:1].itertuples():
+        axes.axhline(limit.rewarded_share, color="#222222", linestyle="--", label=limit.controller)
+    axes.axvline(-0.5, color="#222222", linewidth=0.8, linestyle=":")
+    axes.set(xlabel="trials after the switch of the rewarded end", ylabel="share of rewarded trials")
+    axes.set(xticks=range(_AROUND[0], _AROUND[1] + 1), ylim=(0, 1.05))
     tidy(axes)
-    left, right = axes.get_xlim()
-    for name, height in levels.items():
-        axes.axhline(height, color="#222222", linewidth=1.0, linestyle="--", zorder=0.5)
-        text = f"{name} {height:.3f}".removesuffix("0")
-        axes.annotate(text, (right, height), (-2, 3), textcoords="offset points", fontsize=8, ha="right")
-    axes.set_xlim(left, right)
+    axes.legend(fontsize=8, frameon=False)
+    drawn.suptitle(plain(title), fontsize=9)
+    return drawn

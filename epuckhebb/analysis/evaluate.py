@@ -86,15 +86,13 @@ def evaluate(
     `lifetime.record_every` is 0).
 
     Raises:
-        ValueError: an adaptation lacks its nominal statistics; two controllers have one name and N.
+        ValueError: two controllers have one name and N.
         LostRobotError: a pose or a weight is no longer finite.
     """
     everyone = [GA_ALONE, *controllers]
     names = [f"{controller.name}, N = {controller.rule.N:g}" for controller in everyone]
     if len(set(names)) < len(names):
         raise ValueError(f"two controllers have the same name and N, of {'; '.join(names)}")
-    if nominal is None and any(controller.adaptation.acts for controller in controllers):
-        raise ValueError("an adaptation with a change signal needs the nominal statistics of the training world")
     wanted: list[tuple[int, Side, int]] = [
         (number, side, repeat) for number in range(len(everyone)) for side in SIDES for repeat in range(repeats)
     ]

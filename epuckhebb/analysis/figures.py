@@ -106,15 +106,13 @@ def tidy(axes: Axes, grid: Literal["x", "y"] | None = None) -> None:
 def draw_maze(axes: Axes, scenario: Scenario) -> list[Artist]:
     """Walls, obstacles, lamp and goals, to scale [m]; returns them.
 
-    Obstacles that are there for a part of the lifetime are lighter. A new place of a goal or a lamp has the number of
+    Obstacles are the darker, the more of the changes they stay. A new place of a goal or a lamp has the number of
     the change.
     """
     worlds = [world for _, world in replace(scenario, hand=()).phases]  # changes by hand are too many for a picture
-    looks: list[tuple[Any, ...]] = [(edges, {"color": _WALL, "zorder": 1.5}) for edges in boxes(scenario.maze)]
-    looks += [
-        (edges, {"color": _OBSTACLE, "alpha": 1.0 if always else 0.35})
-        for edges, always in _obstacles(scenario).items()
-    ]
+    wall, obstacle = {"color": _WALL, "zorder": 1.5}, {"color": _OBSTACLE, "alpha": 1 / len(worlds)}
+    looks: list[tuple[Any, Any]] = [(edges, wall) for edges in boxes(scenario.maze)]
+    looks += [(edges, obstacle) for world in worlds for edges in world.boxes[len(world.maze.walls) :]]
     drawn: list[Artist] = [
         axes.add_patch(Rectangle((left, bottom), right - left, top - bottom, linewidth=0, **look))
         for (left, right, bottom, top), look in looks
@@ -135,13 +133,6 @@ def draw_maze(axes: Axes, scenario: Scenario) -> list[Artist]:
     axes.set(xlim=(left, right), ylim=(bottom, top), aspect="equal", xlabel="X (m)", ylabel="Y (m)")
     tidy(axes)
     return drawn
-
-
-def _obstacles(scenario: Scenario) -> dict[tuple[float, ...], bool]:
-    """The edges of all obstacles of a lifetime, but those placed by hand, and whether they are there all the time."""
-    worlds = [world for _, world in replace(scenario, hand=()).phases]
-    placed = [[tuple(edges) for edges in world.boxes[len(world.maze.walls) :].tolist()] for world in worlds]
-    return {edges: all(edges in other for other in placed) for obstacles in placed for edges in obstacles}
 
 
 def _numbered(values: Iterable[_T]) -> list[tuple[int, _T]]:

@@ -2,9 +2,7 @@
 
 import io
 
-import numpy as np
 from matplotlib import rc_context
-from matplotlib.collections import Collection, PathCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
@@ -43,10 +41,6 @@ def _resize(figure: Figure, width_mm: float) -> None:
         text.set_fontsize(max(_LEAST_PT, share * text.get_fontsize()))
     for line in figure.findobj(Line2D):
         line.set(linewidth=share * line.get_linewidth(), markersize=share * line.get_markersize())
-    for drawn in figure.findobj(Collection):
-        drawn.set_linewidth((share * np.atleast_1d(drawn.get_linewidth())).tolist())
-    for points in figure.findobj(PathCollection):
-        points.set_sizes(share**2 * points.get_sizes())
 
 
 def small(png: bytes) -> bytes:

@@ -1,7 +1,7 @@
 """Recorded lifetimes as a GIF: all trials at once, at eight times their speed."""
 
 import io
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -21,18 +21,16 @@ _SPEED = 8  # s of a lifetime in a second of film
 _FRAME_S = 0.08  # GIF counts in hundredths of a second
 _PANEL, _LEAST_WIDTH, _DPI = 4.8, 6.4, 100  # inches, inches, pixels an inch
 
-Track = Callable[[Sequence[float]], Iterable[float]]
 
-
-def gif(traces: Traces, scenario: Scenario, title: str, track: Track = iter) -> bytes:
-    """An animated GIF that repeats. track: wraps the moments to be drawn, to show progress."""
-    buffer, frames = io.BytesIO(), _frames(traces, scenario, title, track)
+def gif(traces: Traces, scenario: Scenario, title: str) -> bytes:
+    """An animated GIF that repeats."""
+    buffer, frames = io.BytesIO(), _frames(traces, scenario, title)
     more = {"save_all": True, "append_images": frames, "duration": round(1000 * _FRAME_S), "loop": 0}
     next(frames).save(buffer, "GIF", **more)
     return buffer.getvalue()
 
 
-def _frames(traces: Traces, scenario: Scenario, title: str, track: Track) -> Iterator[Image.Image]:
+def _frames(traces: Traces, scenario: Scenario, title: str) -> Iterator[Image.Image]:
     controllers = list(dict.fromkeys(traces.controller))
     figure = Figure(figsize=(max(_LEAST_WIDTH, _PANEL * len(controllers)), _PANEL), dpi=_DPI, layout="constrained")
     canvas: Any = FigureCanvasAgg(figure)  # its methods have no types
@@ -54,7 +52,7 @@ def _frames(traces: Traces, scenario: Scenario, title: str, track: Track) -> Ite
     phases = [(step * STEP_S, world) for step, world in scenario.phases]
     still: Any = None
     shown, drawn = -1, list[Artist]()
-    for now in track(np.arange(0.0, time[-1] + 1e-9, _SPEED * _FRAME_S).tolist()):
+    for now in np.arange(0.0, time[-1] + 1e-9, _SPEED * _FRAME_S).tolist():
         phase = sum(since <= now for since, _ in phases) - 1
         if phase != shown:  # walls, obstacles and goals are drawn once for each world
             for artist in drawn:

@@ -33,7 +33,7 @@ from epuckhebb.tmaze.sensors import Place
 _MOST_SAMPLES = 1000  # of a lifetime; of more, every so many-th is kept
 _LARGEST = 32767  # of a 16-bit integer
 _APART = (  # what is drawn, or named in the title, and what is no fault
-    *("name", "experiment", "light", "obstacles", "layout", "goals", "lamp", "goal_signal", "lamp_on", "placed"),
+    *("name", "experiment", "light", "obstacles", "layout", "goals", "lamp", "lamp_on", "placed"),
     *("rate", "put", "reset", "changes", "hand", "paper_N", "paper_duration_s"),
     *("maze", "robot", "task", "fitness", "physics"),
 )

@@ -99,7 +99,8 @@ def figure(
     name: Annotated[str, typer.Argument(metavar="[NAME]", help="Of the figure; without it, their names.")] = "",
     kind: Annotated[str, typer.Option("--format", "-f", metavar="png|svg|pdf", help="Of the file.")] = "png",
     width: Annotated[
-        float | None, typer.Option("--width", metavar="MM", help="88: a column of a paper, 180: a page.")
+        float | None,
+        typer.Option("--width", metavar="MM", min=20, max=1000, help="88: a column of a paper, 180: a page."),
     ] = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FILE", help="[RUN/figures/NAME.FORMAT]")

@@ -1,13 +1,12 @@
 """`epuckhebb figure RUN NAME`: draws a figure of a run, a multirun or a study again, from its files."""
 
-from collections.abc import Mapping
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
 from epuckhebb.analysis import charts
 from epuckhebb.analysis.figures import maze, trajectories
-from epuckhebb.analysis.image import KINDS, MM, image
+from epuckhebb.analysis.image import KINDS, image
 from epuckhebb.config import EvaluateConfig, EvolveConfig
 from epuckhebb.export.replay import config_of, recording
 from epuckhebb.runs import figures
@@ -17,14 +16,10 @@ from epuckhebb.studies import sweep
 from epuckhebb.studies.study import study_named
 from epuckhebb.tmaze.individual import GA
 
-_LEAST_SHARE, _MOST_MM = 0.5, 1000.0  # of a figure's own width, below which its letters overlap; of any figure
-
-
 _FILES = {  # of a run, which the figures need
     "trajectories": "traces.npz",
     "maze": "traces.npz",
     "network": "traces.npz",
-    "weight_change": "traces.npz",
     "reversal": "reversal.csv",
     "learning": "history.csv",
 }
@@ -40,22 +35,13 @@ def _of_run(run: Run, name: str) -> Figure:
         return figures.learning(config_of(run, EvolveConfig), optimizer, run.table("history.csv"))
     shown = recording(run.path)
     traces, world = shown.traces, shown.config.world
-    plastic = next((one for one in traces.controller if one != GA), GA)
     if name == "trajectories":
         return trajectories(traces, world, shown.title)
-    if name == "network":
-        title = f"{plastic} in {shown.title}"
-        return charts.network(shown.weights, traces.lifetimes_of(plastic), title, shown.network, world.robot)
-    if name == "weight_change":
-        return charts.weight_change({plastic: traces.lifetimes_of(plastic)}, "fitness", world.name, world.robot)
-    return maze(world)
-
-
-def _of_many(run: Run) -> Mapping[str, Figure]:
-    """The figures of a study, or of a multirun."""
-    if of_multirun(run.path):
-        return sweep.figures(run)
-    return study_named(run.json("sweep.json")["name"]).stored(run).figures(run)
+    if name == "maze":
+        return maze(world)
+    plastic = next((one for one in traces.controller if one != GA), GA)
+    samples, title = traces.lifetimes_of(plastic), f"{plastic} in {shown.title}"
+    return charts.network(shown.weights, samples, title, shown.network, world.robot)
 
 
 def names(path: Path) -> list[str]:
@@ -78,10 +64,12 @@ def draw(path: Path, name: str, kind: str, width_mm: float | None, output: Path 
     run, known = Run(path), names(path)
     if name not in known:
         raise ConfigError(f"{path} has the figures {', '.join(known)}; got {name}")
-    drawn = _of_run(run, name) if name in _FILES and run.has(_FILES[name]) else _of_many(run)[name]
+    if name in _FILES and run.has(_FILES[name]):
+        drawn = _of_run(run, name)
+    elif of_multirun(path):
+        drawn = sweep.figures(run)[name]
+    else:
+        drawn = study_named(run.json("sweep.json")["name"]).stored(run).figures(run)[name]
     target = output or path / "figures" / f"{name}.{kind}"
-    least = _LEAST_SHARE * drawn.get_figwidth() * MM
-    if width_mm is not None and not least <= width_mm <= _MOST_MM:
-        raise ConfigError(f"--width of this figure must lie between {least:.0f} and {_MOST_MM:g} mm, got {width_mm:g}")
     write_atomic(target, image(drawn, kind, width_mm))
     return target

@@ -1,6 +1,5 @@
 """`epuckhebb replay RUN`: from a run folder to something to watch, a page or a GIF."""
 
-import functools
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -11,10 +10,10 @@ from numpy.typing import NDArray
 from epuckhebb.analysis import movie
 from epuckhebb.analysis import replay as pages
 from epuckhebb.analysis.evaluate import Traces
-from epuckhebb.config import EvaluateConfig, EvolveConfig, from_values, hand, settings, without_own_code
+from epuckhebb.config import EvaluateConfig, EvolveConfig, from_values, settings, with_own_copies
 from epuckhebb.controller.network import Network
 from epuckhebb.runs import caption
-from epuckhebb.runtime import ConfigError, track
+from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Run, read_traces, write_atomic
 from epuckhebb.studies.flock import replay_page
 
@@ -34,8 +33,8 @@ class Recording:
 
 
 def config_of(run: Run, kind: type[_Config]) -> _Config:
-    """The settings of a run, with a copy of changes by hand and without code of the user's."""
-    values = hand.take_copy(without_own_code(settings(run.config_file)), run.path)
+    """The settings of a run, with its copies of the user's files."""
+    values = with_own_copies(settings(run.config_file), run.path, run.provenance.get("own_code", {}))
     return from_values(values, kind, str(run.path))
 
 
@@ -62,7 +61,7 @@ def recording(path: Path) -> Recording:
 def replay(run: Path, page: Path | None = None, gif: Path | None = None) -> list[Path]:
     """Write what a run, or a study of flocks, recorded as a page or a GIF; returns the files.
 
-    page: written in the run's folder if no file is named. The progress of a GIF is shown on standard error.
+    page: written in the run's folder if no file is named.
     """
     page = page or (None if gif else run / "replay.html")
     if Run(run).has("flock.csv"):
@@ -74,8 +73,7 @@ def replay(run: Path, page: Path | None = None, gif: Path | None = None) -> list
     if page:
         write_atomic(page, page_of(recorded).encode())
     if gif:
-        progress = functools.partial(track, gif.name)
-        write_atomic(gif, movie.gif(recorded.traces, recorded.config.world, recorded.title, progress))
+        write_atomic(gif, movie.gif(recorded.traces, recorded.config.world, recorded.title))
     return [file for file in (page, gif) if file]
 
 

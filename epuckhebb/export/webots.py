@@ -52,10 +52,8 @@ def webots(what: str, folder: Path) -> tuple[list[Path], str]:
     }
     for file, content in written.items():
         write_atomic(file, content)
-    left_out = [controller.name for controller in config.controllers[1:]]
-    others = f"Left out, as one controller is taken of a run: {', '.join(left_out)}.\n" if left_out else ""
     return list(written), (
-        f"{others}Next: put this folder below controllers/ of a Webots project, and choose {folder.resolve().name} in "
+        f"Next: put this folder below controllers/ of a Webots project, and choose {folder.resolve().name} in "
         "the field `controller` of its e-puck. With a GPS in a world whose z axis points up, set gps_axes in "
         "champion.json to [[0, 1.0], [1, 1.0]]; see docs/webots.md."
     )

@@ -19,10 +19,9 @@ from epuckhebb.controller.compiling.kernel import compiled
 from epuckhebb.controller.wiring import Neurons
 from epuckhebb.tmaze.individual import Individual
 from epuckhebb.tmaze.life import Genotype, Life, Lifetime, Setup
-from epuckhebb.tmaze.maze import Pose
+from epuckhebb.tmaze.maze import Pose, gap
 from epuckhebb.tmaze.outcome import Outcome
 from epuckhebb.tmaze.physics.pymunk import MOTION, PYMUNK, PymunkSpace
-from epuckhebb.tmaze.reachable import gap
 from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.session import Session, own_parts
 from epuckhebb.tmaze.simulator import Simulator

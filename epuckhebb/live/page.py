@@ -13,7 +13,6 @@ from epuckhebb.analysis.replay import fixed_facts, world_facts
 from epuckhebb.live.world import LiveWorld
 from epuckhebb.runtime import conf
 from epuckhebb.tmaze.changes import MOST_BLOCKS
-from epuckhebb.tmaze.maze import boxes
 from epuckhebb.tmaze.robot import STEP_S
 
 if TYPE_CHECKING:
@@ -61,12 +60,10 @@ def state(play: "Play") -> dict[str, Any]:
     """What can change in a lifetime, and how it is shown."""
     world = play.world
     now, last = world.scenario, world.changes[-1] if world.changes else {}
-    fixed = len(boxes(now.maze, now.obstacles, now.layout)) - len(now.maze.walls)
     return {
         "world": {
             **world_facts(now),
             "placed": [list(box) for box in now.placed],
-            "fixed": fixed,
             "left": now.left_wheel,
             "right": now.right_wheel,
             "rate": now.rate,

@@ -17,8 +17,7 @@ from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Run, write_atomic
 from epuckhebb.tmaze.changes import step_of
 from epuckhebb.tmaze.individual import GA_ALONE
-from epuckhebb.tmaze.maze import SIDES, Side, added
-from epuckhebb.tmaze.reachable import gap
+from epuckhebb.tmaze.maze import SIDES, Side, added, gap
 from epuckhebb.tmaze.robot import STEP_S
 from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.session import Session

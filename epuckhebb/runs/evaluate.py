@@ -7,8 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from epuckhebb.adaptation.nominal import Nominal, measure_nominal
 from epuckhebb.analysis import tables
 from epuckhebb.analysis.evaluate import Rows, Traces, evaluate
@@ -19,7 +17,6 @@ from epuckhebb.config import (
     hand,
     own_files,
     part_from,
-    part_names,
     usual_physics,
 )
 from epuckhebb.config import training_world as world_of_training
@@ -33,7 +30,6 @@ from epuckhebb.runs.notes import notes_of
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Genome, RunFolder, as_npz, check_wiring, digest, load_genome, traces_arrays
 from epuckhebb.tmaze.batch import load_kernel
-from epuckhebb.tmaze.goal_signal import GoalSignal
 from epuckhebb.tmaze.individual import GA_ALONE, Controller
 from epuckhebb.tmaze.own_sensor import reading_names
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
@@ -52,15 +48,14 @@ class PreparedEvaluation:
     def in_world(self, world: Scenario) -> "PreparedEvaluation":
         """The same evaluation in another world of its experiment, for as long as lifetimes last there.
 
-        Physics and goal signal are those of the world if this brings its own, as `base_3d` does.
+        The physics is that of the world if this brings its own, as `base_3d` does.
         """
         if world.name == self.config.world.name:
             return self
         there = copy.copy(self.config)
         ours = self.config.world
         physics = ours.physics if world.physics == PYMUNK else world.physics
-        signal = ours.goal_signal if world.goal_signal == GoalSignal() else world.goal_signal
-        there.world = replace(world, fitness=ours.fitness, physics=physics, goal_signal=signal)
+        there.world = replace(world, fitness=ours.fitness, physics=physics)
         there.lifetime = replace(self.config.lifetime, duration_s=world.paper_duration_s)
         return PreparedEvaluation(config=there, genome=self.genome)
 
@@ -82,13 +77,7 @@ class PreparedEvaluation:
             return known
         world = training_world(config, genome.physics)
         check_library(world)
-        nominal = measure_nominal(genome.network_genes, world, gain, threads, genome.network)
-        if any(one.needs_arrival for one in adaptations) and np.isnan(nominal.time_to_goal_s).all():
-            raise ConfigError(
-                f"adaptation.change_signal=late needs a time to the goal to remember, and genome={genome.name} reached "
-                f"neither goal in {nominal.scenario}; give a champion that does, or change_signal=novelty or shortfall"
-            )
-        return nominal
+        return measure_nominal(genome.network_genes, world, gain, threads, genome.network)
 
     def run(self, nominal: Nominal | None, threads: int) -> tuple[Rows, Traces]:
         """Run the lifetimes: a row each, and the traces of those that were recorded."""
@@ -152,22 +141,13 @@ def prepare_evaluation(config: EvaluateConfig, genome: Genome | None = None) -> 
         rule, kind = controller.rule, type(controller.rule)
         if isinstance(rule, NoRule):
             continue
-        if genome.plan.of_rule.parts and genome.rule not in ("", name_of(kind)):
-            given = f"hebbian{'=' if genome.rule in part_names('rule') else '.rule=FILE.py:'}{genome.rule}"
-            raise ConfigError(
-                f"{named} was evolved with rule {genome.rule}, and {controller.name} has rule {name_of(kind)}; give "
-                f"{given}, or hebbian=none for a life of its weights alone"
-            )
-        if genome.plan.of_rule.parts and rule.initial_weights is not initial_weights:
-            raise ConfigError(
-                f"{named} was evolved with hebbian.initial_weights={initial_weights.name}, and {controller.name} has "
-                f"{rule.initial_weights.name}; give hebbian.initial_weights={initial_weights.name}"
-            )
         missing = [name for name, size in evolved_sizes(kind, genome.network).items() if sizes.get(name) != size]
-        if missing:
+        is_other = genome.rule not in ("", name_of(kind)) or rule.initial_weights is not initial_weights
+        if missing or (genome.plan.of_rule.parts and is_other):
+            takes = f", takes {', '.join(missing)} from the genome" if missing else ""
             raise ConfigError(
-                f"rule {kind.__name__} takes {', '.join(missing)} from the genome, and {named} has only "
-                f"{genome.plan.text()}; give a champion that was evolved with this rule"
+                f"{controller.name} has rule {name_of(kind)}{takes}, and {named} has {genome.plan.text()}. Give the "
+                f"rule of its evolution, {genome.rule or 'none'} with hebbian.initial_weights={initial_weights.name}"
             )
     return PreparedEvaluation(config=config, genome=genome)
 

@@ -19,7 +19,7 @@ from epuckhebb.runtime.errors import (
     is_interruption,
     open_folders,
 )
-from epuckhebb.runtime.progress import bar, be_quiet, counting, say, track
+from epuckhebb.runtime.progress import bar, be_quiet, counting, say
 from epuckhebb.runtime.resources import (
     LATEST,
     REFERENCE,

@@ -3,7 +3,7 @@
 import os
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any
 
@@ -41,14 +41,6 @@ def bar(what: str, total: int, done: int = 0, *, quiet: bool = False) -> "tqdm[A
     rarely = {} if sys.stderr.isatty() or "ipykernel" in sys.modules else {"mininterval": _LOG_S, "delay": _LOG_S}
     hidden = quiet or is_quiet()
     return tqdm(desc=what, total=total, initial=done, miniters=1, bar_format=_LOOK, disable=hidden, **rarely)
-
-
-def track(what: str, moments: Sequence[float]) -> Iterator[float]:
-    """The moments one after the other, beside a bar."""
-    with bar(what, len(moments)) as shown:
-        for moment in moments:
-            yield moment
-            shown.update()
 
 
 @contextmanager

@@ -5,18 +5,12 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
 from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.ranges import Range, check_value
-from epuckhebb.tmaze.goal_signal import GoalSignal
 from epuckhebb.tmaze.light import Lamp
-from epuckhebb.tmaze.maze import SIDES, Box, Maze, Pose, boxes
-from epuckhebb.tmaze.reachable import GRID, SPARE, gap, reachable
+from epuckhebb.tmaze.maze import SIDES, Box, Maze, Pose, gap
 from epuckhebb.tmaze.robot import STEP_S
 
 STEPS = ("sensor_levels", "sensor_delay_steps", "wheel_delay_steps")  # faults that are whole numbers
@@ -24,13 +18,14 @@ FAULTS = (
     *("distance_gain", "distance_offset", "left_distance_gain", "crosstalk", *STEPS),
     *("left_wheel", "right_wheel", "left_slip", "right_slip", "mass_ratio"),
 )
-GROUPED = {"lamp": Lamp, "goal_signal": GoalSignal}  # keys with keys of their own
+GROUPED = {"lamp": Lamp}  # keys with keys of their own
 AT_ONCE: Mapping[str, Any] = {"put": None, "reset": False}  # what happens at one step, and is over
 CHANGEABLE = (
     *("light", "sun_turn_deg", *GROUPED, "second_lamp", "obstacles", "layout", "goals", "dead_sensors", *FAULTS),
     *("wall_friction", "lamp_on", "placed", "rate", *AT_ONCE),
 )
 MOST_BLOCKS = 20
+SPARE = 0.001  # m: by about this much a robot sinks into a wall in the physics
 SMALLEST_M, LARGEST_M = 0.005, 0.5  # sides of a block
 
 
@@ -100,19 +95,7 @@ def check_placed(placed: Sequence[Box], maze: Maze) -> None:
             raise ValueError(f"placed: the middle of a block must be in the maze, got {list(box)}")
 
 
-def check_put(put: Pose, maze: Maze, radius: float, standing: Floats) -> None:
-    """Refuse a place where a robot of this radius [m] cannot stand, or that it could not get to from the start.
-
-    standing: (boxes, 4), all that stands in the maze now.
-    """
-    axis, floor = _floor(maze, radius)
-    places = [round((value + maze.arena_m) / GRID) for value in put[:2]]
-    is_floor = all(0 <= place < len(axis) for place in places) and bool(floor[tuple(places)])
-    if not is_floor or gap(put.x, put.y, standing) < radius - SPARE:
-        raise ValueError(f"put: there is no room for the robot at {put.x:g}, {put.y:g}")
-
-
-@cache
-def _floor(maze: Maze, radius: float) -> tuple[Floats, NDArray[np.bool_]]:
-    """Where the middle of the robot can get to in a maze without obstacles."""
-    return reachable(maze, boxes(maze), radius)
+def check_room(key: str, pose: Pose, maze: Maze, radius: float, standing: Floats) -> None:
+    """Check that a robot of this radius [m] has room at a pose; else a ValueError. standing: (boxes, 4), all walls."""
+    if max(abs(pose.x), abs(pose.y)) > maze.arena_m or gap(pose.x, pose.y, standing) < radius - SPARE:
+        raise ValueError(f"{key} = {pose.x:g}, {pose.y:g}: there is no room for a robot of radius {radius:g} m")

@@ -49,12 +49,12 @@ class NoAdaptation:
     """What a lifetime asks of an adaptation; this one does nothing. `epuckhebb.adaptation` has the others.
 
     name: in tables. acts: whether it does anything. is_gated: whether a signal of change opens and closes a gate.
-    homeostasis: whether it scales the weights from the light sensors. needs_arrival: whether it compares with the time
-    at which the champion reached its goal in training. is_network_unused: whether hand-written code alone drives.
+    homeostasis: whether it scales the weights from the light sensors. is_network_unused: whether hand-written code
+    alone drives.
     """
 
     name: str = "none"
-    acts = is_gated = homeostasis = needs_arrival = is_network_unused = False
+    acts = is_gated = homeostasis = is_network_unused = False
 
     @property
     def knowledge(self) -> tuple[str, ...]:

@@ -19,7 +19,6 @@ from epuckhebb.controller.ranges import check, within
 from epuckhebb.controller.wiring import NO_NEURONS, Neurons
 from epuckhebb.tmaze.faults import Faults
 from epuckhebb.tmaze.fitness import History
-from epuckhebb.tmaze.goal_signal import SignalNumbers
 from epuckhebb.tmaze.light import Lights
 from epuckhebb.tmaze.maze import Region
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
@@ -172,7 +171,7 @@ class Setup(NamedTuple):
 
     rate: N at the wheel gain of this lifetime. floor, signal, history: of the live fitness. rule: the settings of the
     rule, as numbers. adaptation: those of the adaptation. nominal: what it compares with. lit: the lights. goal_x,
-    goal_y, goal_radius: m. goal_signal: how the goal signal is given. arm: the region in which the robot has turned the
+    goal_y, goal_radius: m. arm: the region in which the robot has turned the
     right way. arena: m, half side. faults: what is wrong with the robot. terms: the numbers of the task. fitness: those
     of the fitness. gain: wheel speed [rad/s] of a network output of 1. noise_level: 1 for the sensors' own noise.
     record_every: steps between two samples, 0 for none.
@@ -189,7 +188,6 @@ class Setup(NamedTuple):
     goal_x: float
     goal_y: float
     goal_radius: float
-    goal_signal: SignalNumbers
     arm: Region
     arena: float
     faults: Faults

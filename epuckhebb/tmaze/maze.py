@@ -198,3 +198,12 @@ def added(before: Floats, after: Floats) -> Floats:
     known = (after[:, None] == before).all(axis=2).any(axis=1)
     new: Floats = after[~known]
     return new
+
+
+def gap(x: float, y: float, walls: Floats) -> float:
+    """Distance [m] from a point to the nearest box of `walls` (boxes, 4); 0 inside one."""
+    left, right, bottom, top = walls.T
+    beside = np.maximum(np.maximum(left - x, x - right), 0.0)
+    before = np.maximum(np.maximum(bottom - y, y - top), 0.0)
+    with np.errstate(over="ignore"):  # a wall may be so far away that the square of its distance is infinite
+        return math.sqrt((beside**2 + before**2).min(initial=math.inf))

@@ -9,16 +9,14 @@ import numpy as np
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.ranges import Range, check_value, within
 from epuckhebb.controller.ranges import check as check_ranges
-from epuckhebb.tmaze.changes import AT_ONCE, GROUPED, check_changes, check_kind, check_placed, check_put, step_of
+from epuckhebb.tmaze.changes import AT_ONCE, GROUPED, check_changes, check_kind, check_placed, check_room, step_of
 from epuckhebb.tmaze.faults import LONGEST_DELAY
-from epuckhebb.tmaze.goal_signal import GoalSignal
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.light import Lamp
 from epuckhebb.tmaze.maze import T_MAZE, Box, Maze, Place, Pose, Side, boxes, edges
 from epuckhebb.tmaze.own_fitness import PAPER_FITNESS, Fitness
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.physics_engine import Physics
-from epuckhebb.tmaze.reachable import check_reachable
 from epuckhebb.tmaze.robot import EPUCK, Robot
 from epuckhebb.tmaze.sensors import InputGroup
 from epuckhebb.tmaze.task import Task
@@ -34,7 +32,7 @@ class Scenario:
 
     light: level of the sun, 1 as in bright training, 0.1 dimmed. sun_turn_deg: how far the sun is turned anticlockwise
     from where it stands in training. second_lamp: x, y [m] and intensity of a lamp that is always lit and shines all
-    around. goal_signal: how an adaptation is given the goal signal. obstacles: how many; 0, 2 or 4 in the paper's maze.
+    around. obstacles: how many; 0, 2 or 4 in the paper's maze.
     layout: where they stand, 0 as in the maze, k > 0 the k-th random layout. goals: of each side, None for the maze's.
     dead_sensors: numbers of the places on the robot's rim where it is blind (senses the dark and no wall).
     distance_gain, distance_offset: factor on its distance readings, 0 to 1, and what is added then.
@@ -49,8 +47,6 @@ class Scenario:
     the order of time; each is `at_s` [s] and new values of keys of this class (`CHANGEABLE`). hand: changes by hand
     (`epuckhebb play`), as `changes`. experiment: that of the paper to which the
     scenario belongs, `light` or `obstacles`. paper_N, paper_duration_s: the paper's base rate and evaluation time [s].
-
-    Whether the goals can be reached is not checked here; see `check`.
     """
 
     name: str = "base"
@@ -76,7 +72,6 @@ class Scenario:
     wall_friction: float = within(0, default=0.0)
     lamp: Lamp = field(default_factory=Lamp)
     second_lamp: Sequence[float] | None = None
-    goal_signal: GoalSignal = field(default_factory=GoalSignal)
     lamp_on: bool | None = None
     placed: Sequence[Box] = ()
     rate: float = within(0, 10_000, default=1.0)
@@ -115,9 +110,11 @@ class Scenario:
         for side, place in self.goals_now.items():
             check_value(f"scenario.goals.{side}", place, Range(-self.maze.arena_m, self.maze.arena_m))
         self.task.check_lamp(self.lamp.intensity)
+        standing = boxes(self.maze, self.obstacles, self.layout)
+        check_room("maze.start", self.maze.start, self.maze, self.robot.radius_m, standing)
         check_placed(self.placed, self.maze)
         if self.put is not None:
-            check_put(self.put, self.maze, self.robot.radius_m, self.boxes)
+            check_room("put", self.put, self.maze, self.robot.radius_m, self.boxes)
         self.physics.check(self)
         check_changes("changes", self.changes)
         check_changes("hand", self.hand)
@@ -127,16 +124,6 @@ class Scenario:
                 now = now.changed(change)
             except (ValueError, TypeError) as error:
                 raise ValueError(f"{where}: {error}") from error
-
-    def check(self) -> None:
-        """Check that the robot can get to its goals, before and after each change. Takes some 35 ms for new walls."""
-        events = self.events
-        for number, (_, world) in enumerate(self.phases):
-            try:
-                goals = world.goals_now["left"], world.goals_now["right"]
-                check_reachable(world.maze, goals, world.obstacles, world.layout, world.robot.radius_m)
-            except ValueError as error:
-                raise ValueError(f"{events[number - 1][0]}: {error}" if number else str(error)) from error
 
     @property
     def events(self) -> list[tuple[str, Mapping[str, Any]]]:

@@ -37,10 +37,9 @@ from epuckhebb.tmaze.life import (
     tally_of,
 )
 from epuckhebb.tmaze.lifetime import look
-from epuckhebb.tmaze.maze import Pose, added
+from epuckhebb.tmaze.maze import Pose, added, gap
 from epuckhebb.tmaze.outcome import Outcome, outcome_of
 from epuckhebb.tmaze.own_sensor import Sensor
-from epuckhebb.tmaze.reachable import gap
 from epuckhebb.tmaze.robot import STEP_S
 from epuckhebb.tmaze.samples import empty_samples
 from epuckhebb.tmaze.scenario import Scenario

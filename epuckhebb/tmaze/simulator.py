@@ -135,7 +135,6 @@ def world_setup(world: Scenario, side: Side, start: Pose, faults: Faults) -> dic
         "goal_x": float(goals[side].x),
         "goal_y": float(goals[side].y),
         "goal_radius": float(maze.goal_radius_m),
-        "goal_signal": world.goal_signal.numbers(),
         "arm": _NOWHERE if task.has_trials else Region(*map(float, maze.arms[side])),
         "arena": float(maze.arena_m),
         "faults": faults,

@@ -8,7 +8,6 @@ supervisor.
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
 
 from epuckhebb.adaptation.change_signal import ChangeSignal, NominalOfSide
 
@@ -18,8 +17,6 @@ LEAST_AWAY_S = 5.0  # shorter excursions from the goal do not count
 @dataclass(frozen=True, kw_only=True)
 class Late(ChangeSignal):
     """Time away over the longest in training."""
-
-    needs_arrival: ClassVar[bool] = True
 
     @staticmethod
     def signal(away_s: float, arrived: bool, nominal: NominalOfSide) -> float:
