@@ -182,9 +182,9 @@ def test_a_life_changed_by_hand_is_kept_with_roll_and_pitch_and_repeats(here):
     ):
         world.wish(wish)
         world.run(40)
-    saved = world.save(world.record())
-    assert saved.same
-    run = Run(here / saved.run)
+    saved = world.save()
+    assert saved["same"]
+    run = Run(here / saved["run"])
     with np.load(io.BytesIO(run.content("traces.npz"))) as arrays:
         assert arrays["tilt"].shape == (*arrays["pose"].shape[:2], 3)
         assert np.abs(arrays["tilt"]).max() > 0

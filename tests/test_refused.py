@@ -54,7 +54,7 @@ evaluate rule=oja                                       | key rule
 evaluate network=ctrnn                                  | network=ctrnn
 evaluate compare=late                                   | compare=late
 evaluate adaptation=[late,novelty]                      | adaptation | novelty
-evaluate change.a={{physics:od}}                          | change.a.physics | pymunk
+evaluate change.a={{physics:od}}                          | change.a | od
 evaluate genome=best                                    | genome=best | latest
 evaluate compare=[1]                                    | compare
 evaluate compare.a={{adaptation:latte}}                 | compare.a | latte | late_steady

@@ -14,7 +14,7 @@ from matplotlib.patches import Circle, Rectangle
 from matplotlib.patheffects import withStroke
 
 from epuckhebb.analysis.evaluate import Traces
-from epuckhebb.analysis.moments import arrival, begins, timed_change_text, with_gaps
+from epuckhebb.analysis.moments import arrival, timed_change_text, with_gaps
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.tmaze.individual import CONTROLS, GA, HEBBIAN
 from epuckhebb.tmaze.maze import SIDES, Side, boxes
@@ -152,8 +152,8 @@ def _draw_path(axes: Axes, samples: Samples, scenario: Scenario, side: Side) -> 
     axes.add_patch(Circle((pose[-1, 0], pose[-1, 1]), radius, fill=False, edgecolor=SIDE_COLOUR[side], linewidth=1.2))
     axes.plot(start.x, start.y, marker="o", markersize=4, color="black")
     offset, ha = ((6, 5), "left") if side == "right" else ((-6, 5), "right")
-    for number, (since, _) in enumerate([] if scenario.hand else begins(scenario, samples.phase_began)):
-        if number and since is not None:
+    for number, since in enumerate([] if scenario.hand else samples.phase_began):
+        if number and not np.isnan(since):
             x, y = (float(np.interp(since, time, pose[:, axis])) for axis in (0, 1))
             axes.plot(x, y, marker="D", markersize=5.5, color=SIDE_COLOUR[side], markeredgecolor="white", zorder=3)
             mark = axes.annotate(str(number), (x, y), offset, textcoords="offset points", fontsize=8, ha=ha, zorder=4)

@@ -1,6 +1,6 @@
 """Moments of a recorded lifetime: when the world changed, and when the robot arrived at its goal."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,36 +27,13 @@ class Arrival(NamedTuple):
 
 
 def change_text(change: Mapping[str, Any]) -> str:
-    """A change of a scenario as a user types it: `light=1, obstacles=4`."""
-    return ", ".join(part for key, value in change.items() if key != "at_s" for part in _parts(key, value))
+    """A change of a scenario, without its time: `light=1.0, obstacles=4`."""
+    return ", ".join(f"{key}={value}" for key, value in change.items() if key != "at_s")
 
 
 def timed_change_text(change: Mapping[str, Any]) -> str:
-    """A change of a scenario with its time: `60 s: light=1`."""
+    """A change of a scenario with its time: `60 s: light=1.0`."""
     return f"{change['at_s']:g} s: {change_text(change)}"
-
-
-def _parts(key: str, value: Any) -> list[str]:
-    if isinstance(value, Mapping):
-        return [part for name, item in value.items() for part in _parts(f"{key}.{name}", item)]
-    if isinstance(value, Sequence) and not isinstance(value, str):
-        return [f"{key}=[{','.join(map(_number, value))}]"]
-    return [f"{key}={_number(value)}"]
-
-
-def _number(value: Any) -> str:
-    return f"{value:g}" if isinstance(value, float) else "null" if value is None else str(value)
-
-
-def begins(scenario: Scenario, phase_began: NDArray[np.float64]) -> list[tuple[float | None, Scenario]]:
-    """When each world of a recorded lifetime began [s], None if not before its end, and that world.
-
-    phase_began: (phases,), as recorded.
-    """
-    worlds = [world for _, world in scenario.phases]
-    return [
-        (None if np.isnan(since) else float(since), world) for since, world in zip(phase_began, worlds, strict=False)
-    ]
 
 
 def put_back(time: NDArray[np.float64], pose: NDArray[np.float64], scenario: Scenario) -> NDArray[np.intp]:
@@ -81,8 +58,7 @@ def with_gaps(
 
 def arrival(samples: Samples, scenario: Scenario, side: Side) -> Arrival:
     """When and whether a robot of a recorded lifetime arrived, to the sample; metrics have it to the step."""
-    began, worlds = zip(*begins(scenario, samples.phase_began), strict=True)
-    phases = np.searchsorted([since for since in began if since is not None], samples.time, side="right") - 1
-    goals = np.array([world.goals_now[side] for world in worlds])[np.maximum(phases, 0)]
+    phases = np.searchsorted(samples.phase_began, samples.time, side="right") - 1  # nan sorts last
+    goals = np.array([world.goals_now[side] for _, world in scenario.phases])[np.maximum(phases, 0)]
     inside = np.hypot(*(samples.pose[:, :2] - goals).T) < scenario.maze.goal_radius_m
     return Arrival(float(samples.time[inside.argmax()]) if inside.any() else None, bool(inside[-1]))

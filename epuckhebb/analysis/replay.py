@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.analysis.figures import controller_title, view
-from epuckhebb.analysis.moments import arrival, begins, change_text, put_back
+from epuckhebb.analysis.moments import arrival, change_text, put_back
 from epuckhebb.analysis.page import filled, policy
 from epuckhebb.controller.network import PAPER_NETWORK, Network, initial_weights_of
 from epuckhebb.tmaze.lifetime import CONTACT
@@ -71,7 +71,7 @@ def page(
                 "arrival": None if has_trials else arrived.time,
                 "stayed": arrived.stayed and not has_trials,
                 "resets": np.ceil(put_back(samples.time, samples.pose, scenario) / every).astype(int).tolist(),
-                "begins": [since for since, _ in begins(scenario, samples.phase_began)],
+                "begins": [None if math.isnan(since) else since for since in samples.phase_began.tolist()],
                 **_embedded(samples, initial, every),
             }
             for samples, arrived in zip(of_side, arrivals, strict=True)

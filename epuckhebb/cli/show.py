@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from epuckhebb.analysis import tables
@@ -108,10 +107,13 @@ def _in_short(path: Path) -> str:
         return ": ".join(filter(None, (status["state"], status.get("error", ""))))
     if run.has("history.csv"):
         return f"best fitness {run.rows('history.csv')[-1]['best_fitness']:.3f}"
+    if run.has("reversal.csv"):
+        shares = (f"{row['controller']} {row['rewarded_share']:.2f}" for row in run.rows("reversal.csv"))
+        return f"rewarded share: {', '.join(shares)}"
     if not run.has("metrics.csv"):
         return "finished"
     table = tables.paper_table(run.rows("metrics.csv"))
-    return ", ".join(f"{name} {side} {means['Success']:.2f}" for (name, side), means in table.items())
+    return "success: " + ", ".join(f"{name} {side} {means['Success']:.2f}" for (name, side), means in table.items())
 
 
 def _print_run(path: Path, console: Console) -> None:
@@ -122,9 +124,6 @@ def _print_run(path: Path, console: Console) -> None:
         print_champion(load_genome(str(path), ""), console)
     code = run["code"]
     commit = f", commit {code['commit'][:10]}{' with changes' if code['dirty'] else ''}" if code["commit"] else ""
-    facts = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
-    facts.add_column(style="bold")
-    facts.add_column(overflow="fold")
     for name, value in {
         "Command": " ".join(run["command_line"]),
         "Settings": " ".join(run["overrides"]) or "as by default",
@@ -135,8 +134,7 @@ def _print_run(path: Path, console: Console) -> None:
         "Files": ", ".join(sorted(f"{entry.name}/" if entry.is_dir() else entry.name for entry in path.iterdir())),
     }.items():
         if value:
-            facts.add_row(name, Text(value))
-    console.print(facts)
+            print_line(console, f"{name}: {value}")
 
 
 def genomes_named(what: str) -> list[tuple[Genome, str]]:

@@ -50,6 +50,6 @@ from epuckhebb.config.schema import (
     register,
     typed,
 )
-from epuckhebb.config.stored import from_values, without_own_code
+from epuckhebb.config.stored import from_values, with_own_copies
 from epuckhebb.config.values import part_settings
 from epuckhebb.config.yaml_file import load as settings

@@ -62,9 +62,8 @@ def by_hydra(command: str, overrides: list[str], config_dir: str | None) -> Comp
     except ConfigError:
         raise
     except Exception as error:  # what damaged files may raise has no end
-        message, words = explain(error), " ".join(overrides)
-        is_named = any(word.lstrip("+~").partition("=")[0] in message for word in overrides)
-        raise ConfigError(message if is_named or not words else f"{words}: {message}") from error
+        words = f"{' '.join(overrides)}: " if overrides else ""
+        raise ConfigError(f"{words}{explain(error)}") from error
     with flag_override(cfg, ["struct", "readonly"], [False, False]):
         hydra = cfg.pop("hydra")
     return Composed(cfg, hydra, choices_of(hydra.runtime))

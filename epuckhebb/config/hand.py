@@ -2,13 +2,11 @@
 
 import hashlib
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import msgspec
 
 from epuckhebb.runtime import ConfigError, path_of
-from epuckhebb.tmaze.changes import CHANGEABLE
 
 NAME = "hand.json"  # of the copy in a run folder
 _KEY = "scenario.hand"
@@ -19,10 +17,7 @@ def read(text: str) -> tuple[dict[str, Any], ...]:
     try:
         return tuple(msgspec.json.decode(content(text), type=list[dict[str, Any]]))
     except msgspec.DecodeError as error:
-        raise ConfigError(
-            f"{_KEY}={text} must hold a list of changes, each with at_s and one or more of {', '.join(CHANGEABLE)}; "
-            f"`epuckhebb play` writes such a file: {error}"
-        ) from error
+        raise ConfigError(f"{_KEY}={text} must be a file that `epuckhebb play` wrote: {error}") from error
 
 
 def content(text: str) -> bytes:
@@ -42,11 +37,3 @@ def source(config: Mapping[str, Any]) -> dict[str, str]:
     """The SHA-256, by path, of the file of changes that a configuration names; nothing if it names none."""
     text = (config.get("scenario") or {}).get("hand")
     return {} if text is None else {str(text): hashlib.sha256(content(text)).hexdigest()}
-
-
-def take_copy(values: dict[str, Any], run: Path) -> dict[str, Any]:
-    """The settings of a run with its own copy in place of the file of changes by hand, if it names one; changed."""
-    scenario = values.get("scenario")
-    if isinstance(scenario, dict) and scenario.get("hand") is not None:
-        scenario["hand"] = str((run / NAME).absolute())
-    return values

@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple, get_type_hints
 
 from epuckhebb.config.parts import part_from
-from epuckhebb.config.values import part_settings, record
+from epuckhebb.config.values import converted, part_settings, record
 from epuckhebb.runtime import ConfigError
 from epuckhebb.tmaze.maze import Maze, Pose
-from epuckhebb.tmaze.own_sensor import Sensor, recorded_sensor
+from epuckhebb.tmaze.own_sensor import Sensor
 from epuckhebb.tmaze.robot import Robot
 from epuckhebb.tmaze.sensors import DistanceSensors, LightSensors
 
@@ -64,14 +64,11 @@ def robot_from(value: object) -> Robot:
 
 
 def _own_sensor(given: object, key: str) -> Sensor:
-    """A sensor of the user's own; or what stands for it where a recorded run is read, `recorded` and `readings`."""
-    if not isinstance(given, Mapping) or not {"sensor", "recorded"} & set(given):
-        raise ConfigError(f"{key} must be {{sensor: FILE.py:NAME}} and its settings, got {given!r}")
-    if "recorded" in given:
-        return recorded_sensor(given["recorded"], given["readings"])
-    values = {name: value for name, value in given.items() if name != "readings"}
+    """A sensor of the user's own."""
+    values = dict(converted(key, given, dict[str, Any]))
+    readings = values.pop("readings", None)
     sensor: Sensor = part_from("sensor", values, key)
     known = list(sensor.readings)
-    if list(given.get("readings", known)) != known:
-        raise ConfigError(f"{key}.readings must be left out, or {known}, got {given['readings']}")
+    if readings not in (None, known):
+        raise ConfigError(f"{key}.readings must be left out, or {known}, got {readings}")
     return sensor

@@ -53,7 +53,7 @@ def _resolve(
     for group, known in conf.groups(command).items():
         if group not in _OF_ANY_NUMBER and choices.get(group, NULL) == NULL:
             raise ConfigError(f"{group} must be one of {', '.join(known)}, got none of them, or several")
-    _make_changes(command, cfg, choices, config_dir)
+    _make_changes(cfg, choices, config_dir)
     usual = usual_world(command, choices, overrides, config_dir)
     cfg.changed = literal(", ".join(differences(cfg, choices, usual))) if usual else ""
     for group in _NAMED:
@@ -75,34 +75,22 @@ def _resolve(
         _fit_rule(cfg, choices["hebbian"], usual.cfg.hebbian)
 
 
-def _make_changes(command: str, cfg: DictConfig, choices: dict[str, str], config_dir: str | None) -> None:
-    """Make the changes whose settings were given in words, and refuse two that set the same key."""
+def _make_changes(cfg: DictConfig, choices: dict[str, str], config_dir: str | None) -> None:
+    """Write down what the changes bring, and refuse two that set the same key."""
     known = changes(Path(config_dir).absolute() if config_dir else None) if cfg.change else {}
     set_by: dict[str, str] = {}
     for name, settings in cfg.change.items():
-        row = known.get(name, {}) if settings is None else settings
-        if not isinstance(row, Mapping):
-            raise ConfigError(f"change.{name} must be settings of a scenario, for example {{light: 0.05}}, got {row}")
-        if settings is None:
-            for key, _ in conf.flat(row):
-                if key in set_by:
-                    raise ConfigError(f"change: {set_by[key]} and {name} both change {key}; give one of the two")
-                set_by[key] = name
-        else:
-            own = OmegaConf.masked_copy(settings, [key for key in settings if key not in BROUGHT])
-            try:
-                cfg.scenario.merge_with(own)
-            except OmegaConfBaseException as error:
-                raise ConfigError(f"change.{name}: {explain(error)}") from error
-        brought = {group: str(row[group]) for group in BROUGHT if group in row}
-        for group, choice in brought.items():
-            if choices[group] != choice and (settings is not None or group == "physics"):  # that a sweep trains with
-                file = data_folder("conf") / group / f"{choice}.yaml"
-                if not file.is_file():
-                    there = ", ".join(conf.groups(command)[group])
-                    raise ConfigError(f"change.{name}.{group} must be one of {there}, got {choice}")
-                cfg[group], choices[group] = OmegaConf.load(file), choice
-        cfg.change[name] = brought
+        if settings is not None:
+            raise ConfigError(f"change.{name} takes no settings, got {settings}; put them into change/{name}.yaml")
+        row = known.get(name, {})
+        for key, _ in conf.flat(row):
+            if key in set_by:
+                raise ConfigError(f"change: {set_by[key]} and {name} both change {key}; give one of the two")
+            set_by[key] = name
+        cfg.change[name] = {group: str(row[group]) for group in BROUGHT if group in row}
+        physics = cfg.change[name].get("physics", choices["physics"])
+        if choices["physics"] != physics:  # that a sweep trains with
+            cfg.physics, choices["physics"] = yaml_file.load(_physics_file(physics)), physics
 
 
 def _compared(name: str, given: Any, config_dir: str | None) -> tuple[str, Any]:
@@ -191,8 +179,13 @@ def training_world(config: WorldConfig, experiment: str, physics: Physics) -> Sc
 @functools.cache
 def usual_physics(name: str) -> Physics:
     """The physics of this name with the settings of its file."""
+    physics: Physics = part_from("physics", yaml_file.load(_physics_file(name)), "physics")
+    return physics
+
+
+def _physics_file(name: str) -> Path:
+    """The file of a physics of the program's."""
     file = data_folder("conf") / "physics" / f"{name}.yaml"
     if not file.is_file():
         raise ConfigError(f"physics must be one of {', '.join(conf.groups('evaluate')['physics'])}, got {name}")
-    physics: Physics = part_from("physics", yaml_file.load(file), "physics")
-    return physics
+    return file

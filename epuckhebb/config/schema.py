@@ -160,10 +160,7 @@ class EvaluateConfig(WorldConfig):
         names = [GA_ALONE.name, *(controller.name for controller in self.controllers)]
         twice = next((name for name in names if names.count(name) > 1), None)
         if twice:
-            raise ValueError(
-                f"the name {twice} is taken by another controller of this run; controllers need different names: "
-                f"{', '.join(names)}. Give hebbian.name, adaptation.name or the name below compare another one"
-            )
+            raise ValueError(f"controllers need different names, got {', '.join(names)}; give {twice} another one")
         for controller in self.controllers:
             controller.check(self.world, self.lifetime.duration_s, self.wiring)
 
@@ -191,10 +188,7 @@ class EvolveConfig(WorldConfig):
         self.controller = build.controller_from(self.hebbian, Adaptation())
         self.controller.check(self.world, self.lifetime.duration_s, self.wiring)
         if self.controller.rule.carries_history:
-            raise ValueError(
-                "hebbian.carries_history=true is for `epuckhebb evaluate`; in evolution no lifetime follows another: "
-                "give hebbian.carries_history=false"
-            )
+            raise ValueError("hebbian.carries_history=true is for evaluate: in evolution no lifetime follows another")
         self.algorithm = build.optimizer_from(self.optimizer, self.ga)
         self.schedule = self.algorithm.schedule(self.training, self.lifetime)
         self.training.check(self.world, self.lifetime, self.schedule.loops)

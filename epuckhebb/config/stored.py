@@ -2,30 +2,19 @@
 
 import copy
 import functools
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, cast
 
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from epuckhebb.config import hand
 from epuckhebb.config.errors import explain
 from epuckhebb.config.overrides import literal
-from epuckhebb.config.parts import KINDS, PAPER
+from epuckhebb.config.plugins import own_references
 from epuckhebb.config.schema import SCHEMAS, Config, Plain, typed
-from epuckhebb.controller.wiring import LAYERS
 from epuckhebb.runtime import ConfigError
-from epuckhebb.tmaze.fitness import Signal
-from epuckhebb.tmaze.physics.pymunk import PYMUNK
-from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
-
-_RULE = "oja"  # stands for a user's: it has no settings of its own, and cannot be taken for the paper's
-_SIGNAL = "late"
-_STAND_INS = {
-    "fitness": PAPER,
-    "wiring": LAYERS,  # a page has the neurons and synapses that were recorded
-    "task": ONE_TRIAL.name,
-    "physics": PYMUNK.name,
-    "optimizer": "sep_cma_es",  # fits any training
-}
 
 
 def from_values(values: Plain, schema: type[Config], source: str) -> Config:
@@ -62,34 +51,12 @@ def _literally(value: Any) -> Any:
     return literal(value) if isinstance(value, str) else value
 
 
-def _within(values: Plain, group: str) -> Plain:
-    """The settings of a group; none where a damaged file has lost them, which the schema then refuses."""
-    found = values.get(group)
-    return found if isinstance(found, dict) else {}
-
-
-def without_own_code(values: Plain) -> Plain:
-    """Plain values with a part of the program in place of each of the user's own; nothing of theirs is loaded.
-
-    It is for reading what a run recorded. Of a rule, names, rates, signs and adaptations stay. A rule that is scaled
-    by a user's fitness is replaced, too.
-    """
+def with_own_copies(values: Plain, run: Path, own_code: Mapping[str, Any]) -> Plain:
+    """Plain values of a run with its own copies in place of the user's files. own_code: of its provenance."""
     values = copy.deepcopy(values)
-    for kind, stand_in in _STAND_INS.items():
-        group, key = KINDS[kind].group, KINDS[kind].key
-        if ":" in str(_within(values, group).get(key)):
-            values[group] = {key: stand_in}
-    for sensor in _within(values, "robot").get("sensors", []):
-        readings, name = sensor["readings"], sensor.pop("sensor").rpartition(":")[2]
-        sensor.clear()
-        sensor.update(recorded=name, readings=readings)
-    rules = [rule for rule in (values.get("hebbian"), *_within(values, "compare").values()) if isinstance(rule, dict)]
-    for rule in [values, *rules]:
-        if ":" in str(_within(rule, "adaptation").get("change_signal")):
-            rule["adaptation"]["change_signal"] = _SIGNAL
-    for rule in rules:
-        if ":" in str(rule.get("rule")) or rule.get("signal") == Signal.fitness.name:
-            for key in [key for key in rule if key not in ("N", "sign", "name", "adaptation")]:
-                del rule[key]
-            rule["rule"] = _RULE
+    for part, key, file, name in own_references(values):
+        part[key] = f"{(run / own_code[str(file)]['copy']).absolute()}:{name}"
+    scenario = values.get("scenario")
+    if isinstance(scenario, dict) and scenario.get("hand") is not None:
+        scenario["hand"] = str((run / hand.NAME).absolute())
     return values

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from epuckhebb.analysis import movie
 from epuckhebb.analysis import replay as pages
 from epuckhebb.analysis.evaluate import Traces
-from epuckhebb.config import EvaluateConfig, EvolveConfig, from_values, hand, settings, without_own_code
+from epuckhebb.config import EvaluateConfig, EvolveConfig, from_values, settings, with_own_copies
 from epuckhebb.controller.network import Network
 from epuckhebb.runs import caption
 from epuckhebb.runtime import ConfigError
@@ -33,8 +33,8 @@ class Recording:
 
 
 def config_of(run: Run, kind: type[_Config]) -> _Config:
-    """The settings of a run, with a copy of changes by hand and without code of the user's."""
-    values = hand.take_copy(without_own_code(settings(run.config_file)), run.path)
+    """The settings of a run, with its copies of the user's files."""
+    values = with_own_copies(settings(run.config_file), run.path, run.provenance.get("own_code", {}))
     return from_values(values, kind, str(run.path))
 
 

@@ -38,7 +38,6 @@ from epuckhebb.store import check_folder_of_multirun, of_multirun
 
 _CHECKED_IN_FULL = 20  # a longer list of values is checked at its two ends
 _RUN_DIR = "hydra.run.dir"
-_FULL_ERROR = "HYDRA_FULL_ERROR"  # environment variable: Hydra raises errors in place of printing them
 
 
 class Job(NamedTuple):
@@ -77,10 +76,7 @@ def check(
     if not multirun:
         named = [override for override in overrides if override.lstrip("+").startswith("experiment=")]
         if named and swept_values(overrides, config_dir):
-            name = named[-1].partition("=")[2]
-            raise ConfigError(
-                f"experiment={name} is a sweep of many jobs: run `epuckhebb sweep {name}`, or add --multirun"
-            )
+            raise ConfigError(f"{named[-1]} has many jobs: run `epuckhebb sweep {named[-1].partition('=')[2]}`")
         return
     choices = list(alternatives(overrides).values())
     first = tuple(values[0] for values in choices)
@@ -162,7 +158,9 @@ def call(command: str, task: Callable[[Any], None], arguments: list[str], config
     """Call Hydra as its own command line would; see `run`. task: is given each configuration that Hydra composed."""
     entry = hydra.main(config_path=str(data_folder("conf")), config_name=command, version_base=VERSION_BASE)(task)
     workers = _workers_of_ours() if "--multirun" in arguments else nullcontext()
-    with catalogue(command, config_dir), _as_command_line(command, arguments), workers:
+    argv, sys.argv = sys.argv, [f"epuckhebb {command}", *arguments]
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # it raises errors in place of printing them
+    with catalogue(command, config_dir), workers:
         try:
             entry()
         except (ConfigError, JobFailedError):
@@ -171,6 +169,8 @@ def call(command: str, task: Callable[[Any], None], arguments: list[str], config
             if "--multirun" not in arguments or isinstance(error, HydraException | OmegaConfBaseException):
                 raise ConfigError(explain(error)) from error
             raise JobFailedError(f"the launcher stopped: {type(error).__name__}: {error}") from error  # not a job
+        finally:
+            sys.argv = argv
 
 
 def new_stamp() -> str:
@@ -188,22 +188,6 @@ def threads_of_job(threads: int) -> int:
         width = launcher.n_jobs if launcher.n_jobs > 0 else max(1, cores + 1 + launcher.n_jobs)
         return int(max(1, min(threads, cores // width)))
     return max(1, threads)
-
-
-@contextmanager
-def _as_command_line(command: str, arguments: list[str]) -> Iterator[None]:
-    """Set what Hydra reads: the argument list, and that errors are raised, not printed."""
-    argv, full_error = sys.argv, os.environ.get(_FULL_ERROR)
-    sys.argv = [f"epuckhebb {command}", *arguments]
-    os.environ[_FULL_ERROR] = "1"
-    try:
-        yield
-    finally:
-        sys.argv = argv
-        if full_error is None:
-            del os.environ[_FULL_ERROR]
-        else:
-            os.environ[_FULL_ERROR] = full_error
 
 
 @contextmanager

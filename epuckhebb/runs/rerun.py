@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from epuckhebb.config import EvaluateConfig, EvolveConfig, from_values, hand, own_references, settings
+from epuckhebb.config import OWN_CODE, EvaluateConfig, EvolveConfig, from_values, hand, settings, with_own_copies
 from epuckhebb.runs.evaluate import evaluate_into, prepare_evaluation
 from epuckhebb.runs.evolve import evolve_into, new_evolution, prepare_evolution
 from epuckhebb.runs.hydra import new_stamp
@@ -29,17 +29,10 @@ def repeat(path: Path) -> tuple[Path, str]:
         if before not in (None, number):
             say(f"{name} was {before} in this run, and is {number} now; digits may differ.")
     new = Path("runs") / command / f"{new_stamp()}_rerun_of_{path.resolve().name}"
-    values = settings(run.config_file)
-    own_code = facts.get("own_code", {})
-    for part, key, file, name in own_references(values):
-        copy = own_code[str(file)]["copy"]
-        for written in run.status["sha256"]:
-            if Path(written).is_relative_to(Path(copy).parent):
-                run.content(written)  # as this run wrote it
-        part[key] = f"{(path / copy).absolute()}:{name}"
-    if run.has(hand.NAME):
-        run.content(hand.NAME)  # as this run wrote it
-        hand.take_copy(values, path)
+    for written in run.status["sha256"]:
+        if written == hand.NAME or written.startswith(f"{OWN_CODE}/"):
+            run.content(written)  # as this run wrote it
+    values = with_own_copies(settings(run.config_file), path, facts.get("own_code", {}))
     more = {"command_line": ["epuckhebb", "rerun", str(path)], "rerun_of": str(path)}
     if command == "evaluate":
         config = from_values(values, EvaluateConfig, str(path))

@@ -28,7 +28,6 @@ from epuckhebb.config import (
     own_files,
     quoted,
     register,
-    settings,
     swept_values,
     typed_as,
 )
@@ -43,6 +42,7 @@ from epuckhebb.studies.methods import ALL, Method, in_reversal, methods_named
 from epuckhebb.studies.study import Planned, prepare
 from epuckhebb.tmaze.individual import GA_ALONE
 from epuckhebb.tmaze.scenario import TRAINED, Scenario
+from epuckhebb.tmaze.tasks.reversal import Reversal
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -174,11 +174,8 @@ class Leaderboard(ChampionStudy):
         """See `Study`."""
         from epuckhebb.analysis import charts  # matplotlib takes a while to load
 
-        champions, lines = run.table("champions.csv"), {}
-        for test in champions.test[champions.experiment == REVERSAL][:1]:
-            config = from_values(settings(Run(run.path / test).config_file), EvaluateConfig, str(run.path / test))
-            lines[REVERSAL] = config.world.task.limits()
-        figure = charts.leaderboard_of(run.table("leaderboard.csv"), champions, lines)
+        limits = {REVERSAL: Reversal().limits()}
+        figure = charts.leaderboard_of(run.table("leaderboard.csv"), run.table("champions.csv"), limits)
         figure.set_label(board.CAPTION)
         return {"leaderboard": figure}
 
@@ -188,11 +185,13 @@ class Leaderboard(ChampionStudy):
         tests = {experiment: list(own) for experiment, own in self.worlds.items()}
         table, worlds, costs = (_table(run, name) for name in ("leaderboard", "worlds", "cost"))
         few = "**A smoke test: so few champions say nothing about a method.** " if self.champions < _ENOUGH else ""
+        sweeps = ", ".join(self.tests)
+        tested = [f"{self.repeats} repeats of every side and world of {sweeps}"] if any(tests.values()) else []
+        tested += [f"{2 * self.reversal_repeats} new lifetimes in reversal learning"] if REVERSAL in tests else []
         provenance = (
             f"{few}Made by `epuckhebb leaderboard`: {self.champions} champions of each method and experiment, seeds "
-            f"{self.first_seed} to {self.first_seed + self.champions - 1}. Tests (seed {self.seed}): {self.repeats} "
-            f"repeats of every champion, side and world of {', '.join(self.tests)}, which no training uses; "
-            f"{2 * self.reversal_repeats} new lifetimes in reversal learning."
+            f"{self.first_seed} to {self.first_seed + self.champions - 1}; tests of each (seed {self.seed}): "
+            f"{' and '.join(tested)}."
         )
         return board.markdown(table, worlds, costs, meanings, tests, provenance)
 
@@ -262,7 +261,6 @@ def _entry(study: Leaderboard, experiment: str, method: Method, over: Entry | No
     training, tests = TRAINED.get(experiment, TRAINED["obstacles"]), study.worlds[experiment]
     if over and over.row.kind != PLAIN:
         raise ConfigError(f"champions_of={method.champions_of}: its champions have a rule; no other can be added")
-    seeds = range(study.first_seed, study.first_seed + study.champions)
     jobs = {stage: own for stage, own in over.jobs.items() if stage != _TESTS} if over else {}
     if method.evolve:
         words = [*([] if "scenario" in method.evolve else [f"scenario={training}"]), *typed_as(method.evolve)]
@@ -277,12 +275,12 @@ def _entry(study: Leaderboard, experiment: str, method: Method, over: Entry | No
                 champion=over.jobs[_CHAMPIONS][seed].run if over else "",
                 purpose=f"evolve {method.name}, {experiment}, seed {seed}",
             )
-            for seed in seeds
+            for seed in range(study.first_seed, study.first_seed + study.champions)
         }
     else:
         assert over is not None  # a method evolves, or takes another's champions
         evolved = over.evolved
-    task = {key: value for key, value in method.evolve.items() if key.partition(".")[0] == "task"}
+    task = {key: value for key, value in method.evolve.items() if key.startswith("task")}
     added = method.evaluate or {**task, "hebbian": "none"}
     tested = dict(evaluation_in(training, tuple(typed_as(added)), study.config_dir).values)
     tested |= {group: evolved.values[group] for group in (*_PARTS, *(["hebbian"] if method.evolve else []))}

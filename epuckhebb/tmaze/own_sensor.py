@@ -87,11 +87,3 @@ class Sensor(SensorGroup, OwnClass):
 def reading_names(groups: Sequence[SensorGroup]) -> str:
     """The readings of the user's sensors among the groups of a robot, with `, ` between."""
     return ", ".join(label for sensor in groups if isinstance(sensor, Sensor) for label in sensor.labels)
-
-
-def recorded_sensor(name: str, readings: Sequence[str]) -> Sensor:
-    """What stands for a user's sensor where a recorded run is read: its name and readings; it senses nothing."""
-    zeros = (0.0,) * len(readings) if len(readings) > 1 else 0.0
-    kind: Any = type(name, (Sensor,), {"readings": tuple(readings), "read": staticmethod(lambda: zeros)})
-    sensor: Sensor = dataclass(frozen=True, kw_only=True)(kind)()
-    return sensor

@@ -26,7 +26,7 @@ BRIEF = {  # what makes a command line cheap, if nothing in it says otherwise
     "reproduce": ["champions=1", "repeats=1", "rates=[0.002]", "genome=nowhere.npz"],
 }
 FLAGS = {
-    "evaluate": ["-m", "--multirun", "--json", "-q", "--cfg=job", "--config-dir=own", "--config-dir=nowhere", "--open"],
+    "evaluate": ["-m", "--multirun", "--json", "-q", "--cfg=job", "--config-dir=own", "--config-dir=nowhere"],
     "evolve": ["-m", "--json", "-q", "--cfg=hydra", "--config-dir=own"],
     "sweep": ["--dry-run", "--json", "-q", "--config-dir=own"],
     "reproduce": ["--quick", "--json", "-q"],
