@@ -27,7 +27,7 @@ from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, evolved
 from epuckhebb.controller.wiring import Wiring
 from epuckhebb.runs import hydra
 from epuckhebb.runs.notes import notes_of
-from epuckhebb.runtime import ConfigError
+from epuckhebb.runtime import ConfigError, conf
 from epuckhebb.store import Genome, RunFolder, as_npz, check_wiring, digest, load_genome, traces_arrays
 from epuckhebb.tmaze.batch import load_kernel
 from epuckhebb.tmaze.individual import GA_ALONE, Controller
@@ -54,7 +54,9 @@ class PreparedEvaluation:
             return self
         there = copy.copy(self.config)
         ours = self.config.world
-        physics = ours.physics if world.physics == PYMUNK else world.physics
+        rows = conf.table("change").items()
+        is_brought = any("physics" in row and f"_{name}_" in f"{world.name}_" for name, row in rows)
+        physics = world.physics if is_brought else ours.physics
         there.world = replace(world, fitness=ours.fitness, physics=physics)
         there.lifetime = replace(self.config.lifetime, duration_s=world.paper_duration_s)
         return PreparedEvaluation(config=there, genome=self.genome)
