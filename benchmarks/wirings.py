@@ -31,7 +31,7 @@ def rows_of(run: Path) -> pd.DataFrame:
         if called == HELD and wiring != "ctrnn":
             continue
         for scenario in WORLDS[trained]:
-            keys = {"scenario": scenario, "network": {"wiring": wiring, **network}}
+            keys = {"scenario": scenario, "network": network} if network else {"scenario": scenario}
             result = epuckhebb.evaluate(run, "lifetime.record_every=0", repeats=REPEATS, progress=False, **keys)
             parts.append(result.metrics.assign(wiring=called))
     metrics = pd.concat(parts).assign(seed=config["seed"])

@@ -570,6 +570,16 @@ def test_in_a_sweep_an_edited_one_makes_new_jobs():
 
 
 @pytest.mark.thorough
+@pytest.mark.usefixtures("here")
+def test_a_champion_brings_a_wiring_of_the_program_to_every_job_of_a_sweep():
+    done("evolve", "network.wiring=elman", *SMALL_GA, "ga.generations=1", "hydra.run.dir=elman")
+    words = ["genome=elman", *SHORT, "lifetime.record_every=0"]
+    done("evaluate", "-m", "seed=1,2", *words, "hydra.sweep.dir=out", "hydra/launcher=basic")
+    for job in (0, 1):
+        assert metrics(f"out/{job}").changed.str.contains("network.wiring=elman").all()
+
+
+@pytest.mark.thorough
 @pytest.mark.usefixtures("own")
 def test_an_object_from_python():
     rule = part_class("rule", "my.py:oja", "hebbian")

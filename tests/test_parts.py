@@ -7,7 +7,9 @@ import pandas as pd
 import pytest
 from cases import SHORT, SMALL_GA, call, done
 
+import epuckhebb
 from epuckhebb.config.compose import composed
+from epuckhebb.runs.evaluate import as_evolved
 from epuckhebb.store.genome import load_genome
 from epuckhebb.store.run import Run
 from epuckhebb.tmaze import session
@@ -62,6 +64,29 @@ def test_a_scenario_of_ones_own_has_the_name_of_its_file():
 
 
 # Other robots and networks
+
+
+def test_the_robot_follows_from_the_champion_unless_it_is_named(here):
+    for name, robot in (("lidar", "epuck_lidar"), ("mine", "mine"), ("odd", "nobody_has_this")):
+        np.savez(f"{name}.npz", genome=np.zeros(280), layers=[32, 8, 2], robot=robot, lights=8)
+    (here / "conf" / "robot").mkdir(parents=True)
+    (here / "conf" / "robot" / "mine.yaml").write_text("defaults: [epuck_lidar]\n")
+    for words, robot in (
+        (["genome=lidar.npz"], "epuck_lidar"),
+        (["genome=lidar.npz,lidar.npz", "seed=1,2"], "epuck_lidar"),
+        (["genome=mine.npz"], "mine"),
+        (["genome=odd.npz"], ""),
+        (["genome=reference"], ""),
+        (["genome=lidar.npz,reference"], ""),
+        (["genome=nowhere.npz"], ""),
+        (["seed=3"], ""),
+    ):
+        assert as_evolved(words, "conf") == [*words, *([f"robot={robot}"] if robot else [])]
+    for named in ("robot=epuck", "robot.radius_m=0.04"):
+        assert as_evolved(["genome=lidar.npz", named]) == ["genome=lidar.npz", named]
+    assert "robot:\n  name: epuck_lidar" in done("evaluate", "genome=lidar.npz", "--cfg=job").stdout
+    with pytest.raises(ValueError, match="robot epuck_lidar has 8 and 24"):
+        epuckhebb.evaluate("lidar.npz", hebbian={"signal": "light_code"}, progress=False)
 
 
 @pytest.fixture(scope="module")

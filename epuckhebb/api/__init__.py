@@ -31,7 +31,7 @@ from epuckhebb.config import load as load_config
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.plasticity.rule import NoRule, Rule
 from epuckhebb.evolution.evolve import history_row
-from epuckhebb.runs import prepare_evaluation, prepare_evolution
+from epuckhebb.runs import as_evolved, prepare_evaluation, prepare_evolution
 from epuckhebb.runtime import ConfigError, bar, be_quiet, say, thread_count
 from epuckhebb.store import Genome, checked_genes, load_genome, resolve_run
 
@@ -80,7 +80,7 @@ def evaluate(
     rule = keys.pop("hebbian") if isinstance(keys.get("hebbian"), Rule) else None
     folder, words = _folder(config_dir), overrides_of(overrides, keys)
     if isinstance(genome, str | Path):
-        words.append(f"genome={quoted(str(resolve_run(genome, 'evolve')))}")
+        words = as_evolved([*words, f"genome={quoted(str(resolve_run(genome, 'evolve')))}"], folder)
     config = load_config(EvaluateConfig, words, folder)
     if rule is not None:
         if rule.N == 0 and not isinstance(rule, NoRule):
@@ -154,7 +154,7 @@ def play(
         are in `runs/evaluate/`.
     """
     folder, path = _folder(config_dir), resolve_run(genome, "evolve")
-    words = [f"genome={quoted(str(path))}", *overrides_of(overrides, keys)]
+    words = as_evolved([f"genome={quoted(str(path))}", *overrides_of(overrides, keys)], folder)
     live = Live(words, side, folder)
     live.__enter__()
     return live

@@ -67,9 +67,10 @@ def evolve(overrides: Overrides = None, *, options: RunOptions) -> None:
 @takes_options
 def evaluate(overrides: Overrides = None, *, options: RunOptions) -> None:
     """A genome's lifetimes with and without plasticity."""
-    from epuckhebb.runs import evaluate_job, prepare_evaluation
+    from epuckhebb.runs import as_evolved, evaluate_job, prepare_evaluation
 
-    run_command("evaluate", evaluate_job, prepare_evaluation, with_genomes_named(overrides), options)
+    words = as_evolved(with_genomes_named(overrides), options.config_dir)
+    run_command("evaluate", evaluate_job, prepare_evaluation, words, options)
 
 
 @app.command(cls=Command)
@@ -132,11 +133,13 @@ def play(
 
     from epuckhebb.config import check_config_dir
     from epuckhebb.live.server import Play
+    from epuckhebb.runs import as_evolved
     from epuckhebb.runtime import be_quiet, say
 
     be_quiet(quiet)
     check_config_dir(config_dir)
-    with Play(with_genomes_named(overrides), side, config_dir, port) as live, suppress(KeyboardInterrupt):
+    words = as_evolved(with_genomes_named(overrides), config_dir)
+    with Play(words, side, config_dir, port) as live, suppress(KeyboardInterrupt):
         say("Ctrl-C ends it.")
         typer.echo(live.address)  # from here on, Ctrl-C is how it is ended
         if browser:
@@ -206,12 +209,13 @@ def sweep(
 ) -> None:
     """A named sweep or your own study; again, it does the rest."""
     from epuckhebb.config import check_config_dir
+    from epuckhebb.runs import as_evolved
     from epuckhebb.studies.study import plan_own
     from epuckhebb.studies.sweep import plan
 
     config_dir, words = options.config_dir, with_genomes_named(overrides)
     check_config_dir(config_dir)
-    planned = plan_own(name, words) if ".py:" in name else plan(name, words, config_dir)
+    planned = plan_own(name, words) if ".py:" in name else plan(name, as_evolved(words, config_dir), config_dir)
     run_study(planned, options, dry_run=dry_run)
 
 

@@ -8,6 +8,7 @@ fails raises `JobFailedError`.
 from epuckhebb.runs import hydra
 from epuckhebb.runs.evaluate import (
     PreparedEvaluation,
+    as_evolved,
     caption,
     compile_for,
     evaluate_into,

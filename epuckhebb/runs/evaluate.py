@@ -1,6 +1,7 @@
 """`epuckhebb evaluate`: runs the lifetimes of a genome in a scenario, and writes them into a run folder."""
 
 import copy
+import json
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -12,12 +13,17 @@ from epuckhebb.analysis import tables
 from epuckhebb.analysis.evaluate import Rows, Traces, evaluate
 from epuckhebb.config import (
     EvaluateConfig,
+    alternatives,
     check_library,
     dump,
     hand,
     own_files,
     part_from,
+    part_names,
+    quoted,
+    typed_as,
     usual_physics,
+    value_of,
 )
 from epuckhebb.config import training_world as world_of_training
 from epuckhebb.controller.compiling.sources import own_code
@@ -27,13 +33,14 @@ from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, evolved
 from epuckhebb.controller.wiring import Wiring
 from epuckhebb.runs import hydra
 from epuckhebb.runs.notes import notes_of
-from epuckhebb.runtime import ConfigError, conf
+from epuckhebb.runtime import ConfigError, conf, data_folder
 from epuckhebb.store import Genome, RunFolder, as_npz, check_wiring, digest, load_genome, traces_arrays
 from epuckhebb.tmaze.batch import load_kernel
 from epuckhebb.tmaze.individual import GA_ALONE, Controller
 from epuckhebb.tmaze.own_sensor import reading_names
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
-from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.robot import EPUCK
+from epuckhebb.tmaze.scenario import TRAINED, Scenario
 from epuckhebb.tmaze.session import LostRobotError
 from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
 
@@ -168,6 +175,34 @@ def training_world(config: EvaluateConfig, evolved_in: str = "") -> Scenario:
     if physics.name != (evolved_in or PYMUNK.name):
         physics = usual_physics(evolved_in or PYMUNK.name)
     return world_of_training(config, config.world.experiment, physics)
+
+
+def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:
+    """Overrides with the robot and the wiring that their champion was evolved for, unless they name one.
+
+    A robot that has no file, a wiring of the user's own, and champions of several are left to `prepare_evaluation`.
+    """
+    named = [word for word in words if word.startswith("genome=")]
+    if not named:
+        return words
+    (words_of,) = alternatives(named[-1:]).values()
+    genomes: list[Genome] = []
+    for word in words_of:
+        with suppress(ConfigError):  # one that cannot be read is reported later
+            genomes.append(load_genome(value_of(word), next(iter(TRAINED))))
+    if len(genomes) < len(words_of):
+        return words
+    keys = {word.lstrip("+~").partition("=")[0] for word in words}
+    robot, *others = {genome.robot for genome in genomes}
+    folders = [Path(folder) / "robot" for folder in (config_dir, data_folder("conf")) if folder]
+    is_known = robot != EPUCK.name and any((folder / f"{robot}.yaml").is_file() for folder in folders)
+    if is_known and not others and not any(key.split(".")[0] == "robot" for key in keys):
+        words = [*words, f"robot={quoted(robot)}"]
+    (wiring, settings), *several = {(genome.wiring, genome.wiring_settings) for genome in genomes}
+    if several or not settings or wiring not in part_names("wiring") or keys & {"network", "network.wiring"}:
+        return words
+    own = {f"network.{key}": value for key, value in json.loads(settings).items() if f"network.{key}" not in keys}
+    return [*words, f"network.wiring={wiring}", *typed_as(own)]
 
 
 def compile_for(controllers: Sequence[Controller], network: Network, world: Scenario) -> None:

@@ -40,7 +40,7 @@ ENDLESS = ["ga.generations", "lifetime.duration_s"]  # what may last for ever, b
 NUMBERS = [*HUGE, "0", "-1", "1e-5", "1e300", "-inf", "nan", "inf", "0.1", "3", "1_0", "0x10"]
 HOSTILE = [
     *("", "null", "true", "''", '""', "[]", "{}", "[1,2", "{a: 1", "${seed}", "${x}", "${oc.env:HOME}", "@", "a@b"),
-    *("~", "~nosuchuser/x", "~/x", "..", "/", "/dev/null", "/proc/self/mem", "own", "own/text.npz", "own/\0x", "???"),
+    *("~", "~nosuchuser/x", "~/x", "..", "/", "/dev/null", "/proc/self/mem", "own", "own/text.npz", "own/\x01x", "???"),
     *("a,b", "1,2", "range(1,3)", "range(1,1000000000)", "choice(1,2)", "glob(*)", "interval(0,1)", "sort(3,1)", "a=b"),
     *("_target_", "{_target_: os.system}", "[[[[1]]]]", "\\", "'\\'", "\udcff", "\x1b[2J", "!!python/x"),
 ]

@@ -44,7 +44,7 @@ def test_two_thousand_jobs_that_are_done_are_looked_at_again():
     seconds = time.process_time() - began
     print(f"{JOBS} finished jobs: {seconds:.1f} CPU s")
     assert result.exit_code == 0, result.output
-    assert f"{JOBS} jobs in many/: {JOBS} done before, 0 to do." in result.output
+    assert f"{JOBS} jobs, {JOBS} done before, 0 to do." in result.output
     assert len(Path("many", "sweep.csv").read_text().splitlines()) == 1 + 20  # copies of one run count once
     assert seconds < 20
 
