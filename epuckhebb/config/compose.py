@@ -45,10 +45,7 @@ def swept_values(overrides: list[str], config_dir: str | None = None) -> dict[st
 
 
 def configurations(
-    command: str,
-    fixed: list[str],
-    jobs: Iterable[tuple[str, ...]],
-    config_dir: str | None,
+    command: str, fixed: list[str], jobs: Iterable[tuple[str, ...]], config_dir: str | None
 ) -> Iterator[tuple[list[str], Plain]]:
     """The overrides of each job, and its configuration of plain values.
 
