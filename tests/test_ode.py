@@ -226,6 +226,7 @@ def test_a_champion_knows_its_physics_and_compares_with_a_life_in_it():
 
 
 @needs_ode
+@pytest.mark.thorough
 def test_a_method_that_evolves_in_three_dimensions_is_tested_there(tmp_path):
     (tmp_path / "method").mkdir()
     (tmp_path / "method" / "deep.yaml").write_text("evolve: {physics: ode, optimizer: ga}\n", encoding="utf-8")

@@ -47,7 +47,8 @@ def optimizer_from(settings: Mapping[str, Any], ga: Algorithm | None) -> Algorit
     if (settings.get("algorithm") == GENETIC) != (ga is not None) or (ga is not None and len(settings) > 1):
         raise ConfigError(
             "ga.population and the other keys of ga are the settings of optimizer=ga alone, and needed there; those of "
-            f"another optimizer are optimizer.population and so on; got optimizer={dict(settings)}, ga={ga}"
+            f"another optimizer are optimizer.population and so on; got optimizer={settings.get('algorithm')}, "
+            f"with{'out' * (ga is None)} settings of ga"
         )
     return part_from("optimizer", settings, "optimizer") if ga is None else ga
 
