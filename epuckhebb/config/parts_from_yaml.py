@@ -35,7 +35,7 @@ class _Start(NamedTuple):
 
 
 def maze_from(value: object) -> Maze:
-    """A maze: boxes and goals by name, `start.heading_deg` in degrees, bounds of arms infinite where they are left out."""
+    """A maze: boxes and goals by name, `start.heading_deg` in degrees, bounds of arms infinite if they are left out."""
     given = {key: item for key, item in value.items() if key != _LAMP} if isinstance(value, Mapping) else value
     values = part_settings(Maze, given, "maze", "a maze", start=_Start)
     x, y, heading_deg = values.pop("start")
