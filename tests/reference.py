@@ -201,7 +201,7 @@ class Robot:
             of_reward = self.evolved["vr"][0] * self.reward if self.task is not None else 0
             rate *= np.tanh((np.dot(v, activations[-2]) + v0 + of_reward) / 2)
         self.fitness = fitness
-        if need == 0 and self.adaptation.stay.name != "learn":
+        if need == 0 and self.adaptation.plastic_when.name != "goal_signal":
             self.initialise()
         if need > 0 and self.rule.N > 0:
             self.learn(activations, rate)

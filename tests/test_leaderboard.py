@@ -343,7 +343,7 @@ BAD = {
     "no such file": (["methods=no.py:Mine"], ["no.py"]),
     "no champions": (["champions=0"], ["champions must be 1 or more, got 0"]),
     "no tests": (["tests=[]"], ["tests must name"]),
-    "no such tests": (["tests=[fewer]"], ["fewer"]),
+    "no such tests": (["tests=[fewer]", "methods=ga"], ["fewer"]),
     "unknown key": (["champoins=3"], ["champoins"]),
     "another sweeper": (["hydra/sweeper=x"], ["`leaderboard` lists its jobs itself"]),
     "a champion of another rule": (["methods=over_plastic"], ["champions_of=learns", "no other can be added"]),

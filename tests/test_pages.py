@@ -30,7 +30,7 @@ WITH_COMMANDS = [ROOT / "README.md", *EXAMPLES]
 PLACEHOLDER = re.compile(r"\b(RUN|NAME|FILE|KEY|GROUP|Best\.npy)\b|[<>…]|\.\.\.|~")
 BRIEF = {
     # longer than until the changes of the worlds on the pages
-    "evaluate": ["repeats=1", "lifetime.duration_s=SECONDS", "lifetime.record_every=0", "threads=1", "-q"],
+    "evaluate": ["repeats=1", "lifetime.duration_s=SECONDS", "figures=none", "threads=1", "-q"],
     "evolve": ["lifetime.duration_s=1", "-q"],
     "sweep": ["--dry-run"],
     "leaderboard": ["--dry-run"],

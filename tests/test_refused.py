@@ -110,10 +110,10 @@ evaluate hebbian.name=GA                                | GA
 evaluate adaptation=late compare.late={{N:1}}           | late
 evaluate scenario.dead_sensors=[8]                      | scenario.dead_sensors | 0 to 7
 evaluate scenario.goals={{left:[-30,60]}}               | scenario.goals.left | -30
-evaluate scenario.goals={{left:[0.3]}}                  | scenario.goals.left | [0.3]
-evaluate maze.start={{x:0.09,y:-0.2,heading_deg:90}}    | maze.start | in a wall
+evaluate scenario.goals={{left:[0.3]}}                  | scenario.goals | [0.3]
+evaluate maze.start={{x:0.09,y:-0.2,heading_deg:90}}    | maze.start | room
 evaluate scenario.changes=[{{at_s:500,light:1}}]        | changes[0].at_s | less than
-evaluate scenario.changes=[1]                           | scenario.changes[0] | at_s
+evaluate scenario.changes=[1]                           | scenario.changes[0] | [1]
 evaluate network.layers=[15,4,2]                        | 16 | epuck | [15, 4, 2]
 evaluate network.layers=[16,4,3]                        | network.layers
 sweep light scenario.light=1,-1                         | scenario.light | -1
@@ -160,7 +160,6 @@ evaluate genome=lidar.npz robot=epuck                   | epuck_lidar
 evaluate -m genome=lidar.npz,reference                  | robot=epuck_lidar
 evaluate adaptation=late genome=light.npz               | highlight | experiment
 evaluate adaptation=late genome=broken.npz              | broken.npz
-evaluate adaptation=late genome=zeros.npy lifetime.gain_rad_s=6 | adaptation.change_signal=late | base
 evaluate genome=latest                                  | epuckhebb evolve
 evaluate genome='~nosuchuser/x'                         | ~nosuchuser
 evaluate hebbian.rule='~nosuchuser/x.py:Rule'           | ~nosuchuser
