@@ -589,7 +589,7 @@ def test_an_object_from_python():
     pd.testing.assert_frame_equal(rows, named)
     write("", {"bad": part("fitness")})
     fitness = part_class("fitness", "bad.py:Fine", "fitness")
-    with pytest.raises(ValueError, match="fitness must be .* FILE.py:NAME"):
+    with pytest.raises(ValueError, match=r"fitness must be .* FILE\.py:NAME"):
         epuckhebb.evaluate(fitness=fitness())
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled, nothing
-from epuckhebb.controller.ranges import check, within
+from epuckhebb.controller.ranges import Range, check, check_value, within
 from epuckhebb.tmaze import light
 
 
@@ -209,6 +209,8 @@ class DistanceSensors(RimSensors):
             raise ValueError(
                 f"robot.distance_curve must be two or more rows of growing distance, the first at 0, got {distances}"
             )
+        ends = distances[-1] / min(1.0, self.stretch)  # [m], where nothing is sensed any more
+        check_value("robot.reach_m", self.reach_m, Range(0, ends, above=True))
 
     def kernels(self, first: int, radius_m: float) -> Kernels:
         """See `SensorGroup`."""
