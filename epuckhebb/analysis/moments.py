@@ -28,7 +28,8 @@ class Arrival(NamedTuple):
 
 def change_text(change: Mapping[str, Any]) -> str:
     """A change of a scenario, without its time: `light=1.0, obstacles=4`."""
-    return ", ".join(f"{key}={value}" for key, value in change.items() if key != "at_s")
+    own = {key: list(value) if isinstance(value, tuple) else value for key, value in change.items() if key != "at_s"}
+    return ", ".join(f"{key}={value}" for key, value in own.items())
 
 
 def timed_change_text(change: Mapping[str, Any]) -> str:
