@@ -1,11 +1,13 @@
 """Every file of conf/ composes into a checked configuration."""
 
 import itertools
+import os
 import subprocess
 import sys
 
 import pytest
 import yaml
+from cases import done
 from hydra import compose, initialize_config_dir
 
 from epuckhebb.cli.options import with_genomes_named
@@ -209,4 +211,7 @@ def test_a_caller_who_composes_with_hydra_can_go_on(tmp_path):
         composed("evaluate", [])
         with pytest.raises(ConfigError):
             composed("evaluate", ["scenario=none"])
+        before = sys.argv, os.environ.get("HYDRA_FULL_ERROR")
+        done("evaluate", "--cfg=job")
+        assert (sys.argv, os.environ.get("HYDRA_FULL_ERROR")) == before
         assert compose("own").value == 1

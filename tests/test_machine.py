@@ -4,15 +4,20 @@ import importlib
 import pwd
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 from cases import SHORT, refused
 from joblib import cpu_count
 
+from epuckhebb.controller.network import PAPER_NETWORK
+from epuckhebb.runs import evaluate
+from epuckhebb.runtime import progress
 from epuckhebb.runtime.errors import USAGE, ConfigError
 from epuckhebb.runtime.resources import path_of, thread_count
 from epuckhebb.store import Run
+from epuckhebb.tmaze.scenario import Scenario
 
 compiled = importlib.import_module("epuckhebb.controller.compiling.kernel")
 
@@ -68,3 +73,26 @@ def test_a_closed_stream_leads_nowhere():
     assert (run.returncode, Run(Path("run")).status["state"], b"Success" in run.stdout) == (0, "finished", True)
     assert ended("<&- >&- 2>&-", "show", "run").returncode == 0
     assert ended("2>&-", "evaluate", "seed=x").returncode == USAGE
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("stream", ["stdout", "stderr"])
+def test_a_reader_that_stops_does_not_stop_the_work(stream):
+    tiny = ["champions=1", "repeats=1", "rates=[0.002]", "ga.population=4", "ga.elites=1", "ga.generations=1"]
+    study = ["obstacles", *tiny, "ga.loops=1", "hydra/launcher=basic", "hydra.sweep.dir=study"]
+    words = [sys.executable, "-m", "epuckhebb", "reproduce", *study]
+    other = "stderr" if stream == "stdout" else "stdout"
+    with subprocess.Popen(words, **{stream: subprocess.PIPE, other: subprocess.DEVNULL}) as started:
+        pipe = getattr(started, stream)
+        if stream == "stderr":
+            assert b"evolve champions" in pipe.readline()  # what is said afterwards nobody reads
+        pipe.close()
+        assert started.wait() == 0
+    assert Run(Path("study")).status["state"] == "finished"
+
+
+def test_who_waits_for_a_compiler_is_told(monkeypatch, capsys):
+    monkeypatch.setattr(progress, "_SLOW_S", 0.0)
+    monkeypatch.setattr(evaluate, "load_kernel", lambda *_: time.sleep(0.3))
+    evaluate.compile_for([], PAPER_NETWORK, Scenario())
+    assert "Compiling" in capsys.readouterr().err

@@ -21,7 +21,7 @@ from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.store import Run
 from epuckhebb.store.genome import load_genome
 from epuckhebb.studies import leaderboard
-from epuckhebb.studies.champions import world_named
+from epuckhebb.studies.champions import evaluation_named
 from epuckhebb.tmaze import libode
 from epuckhebb.tmaze.batch import run_lifetimes
 from epuckhebb.tmaze.individual import Individual
@@ -194,17 +194,21 @@ def test_a_life_changed_by_hand_is_kept_with_roll_and_pitch_and_repeats(here):
 
 
 @needs_ode
-def test_a_test_world_of_a_study_has_its_own_physics_or_that_of_the_study():
+def test_a_test_world_of_a_study_has_its_own_physics_or_that_of_the_study(tmp_path):
     of_plane, of_ode = [], ["physics=ode"]
+    (tmp_path / "change").mkdir()
+    (tmp_path / "change" / "mine.yaml").write_text("physics: ode\nlight: 0.5\n")
     for words, name, physics in (
         (of_plane, "base+3d", "ode"),
         (of_plane, "4obstacles", "pymunk"),
         (of_ode, "4obstacles", "ode"),
         (of_ode, "base+plane", "pymunk"),
+        (of_plane, "base+mine", "ode"),
     ):
-        there = prepare_evaluation(load(EvaluateConfig, words)).in_world(world_named(name, None)).config
+        other = evaluation_named(name, str(tmp_path))
+        there = prepare_evaluation(load(EvaluateConfig, words)).in_world_of(other).config
         scenario, *changes = name.split("+")
-        alone = load(EvaluateConfig, [f"scenario={scenario}", f"change={changes}", *words])
+        alone = load(EvaluateConfig, [f"scenario={scenario}", f"change={changes}", *words], str(tmp_path))
         assert there.world.physics.name == alone.world.physics.name
         assert there.world.physics.name == physics
 

@@ -189,7 +189,7 @@ def test_page_holds_the_world_of_each_moment(genes):
     assert [held["dead"] for held in worlds] == [[], [3], [3], [3]]
     assert [len(held["obstacles"]) for held in worlds] == [0, 0, 2, 2]
     assert [held["lamp"]["towards"] for held in worlds] == pytest.approx([math.pi, math.pi, math.pi / 2, math.pi / 2])
-    assert worlds[2]["faults"] == "dead_sensors=(3,), left_wheel=0.7, left_slip=0.2"
+    assert worlds[2]["faults"] == "dead_sensors=[3], left_wheel=0.7, left_slip=0.2"
     assert {"distance_gain=0.75", "mass_ratio=2", "wall_friction=0.3"} < {*worlds[3]["faults"].split(", ")}
     assert [held["goals"]["right"] for held in worlds] == [[0.36, 0.155]] * 3 + [[0.1, 0.155]]
     assert data["lifetimes"]["left"][0]["begins"] == pytest.approx([0, 1.024, 2.016, 3.008])

@@ -167,7 +167,8 @@ AHEAD = Place(0.0, 0.0, 0.0)
     [
         (lambda: Robot(radius_m=0.0), r"robot\.radius_m must be more than 0, got 0.0"),
         (lambda: DistanceSensors(reach_m=math.inf), r"robot\.reach_m must"),
-        (lambda: DistanceSensors(reach_m=0.1), r"robot\.reach_m must lie in \(0, 0\.07\]"),
+        (lambda: DistanceSensors(reach_m=0.1), r"robot\.reach_m must lie in \(0, 0\.056\]"),
+        (lambda: DistanceSensors(reach_m=0.06), r"robot\.reach_m must lie in \(0, 0\.056\], got 0\.06"),
         (lambda: LightSensors(places=()), r"robot\.light_places must hold one sensor or more"),
         (
             lambda: Robot(sensors=(LightSensors(), DistanceSensors(places=(Place(0.05, 0.0, 0.0),)))),

@@ -1,5 +1,6 @@
 """Figures of the maze and of trajectories in it."""
 
+import math
 import textwrap
 from collections.abc import Iterable
 from dataclasses import replace
@@ -20,6 +21,7 @@ from epuckhebb.tmaze.individual import CONTROLS, GA, HEBBIAN
 from epuckhebb.tmaze.maze import SIDES, Side, boxes
 from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.sensors import cast
 
 # Blue and orange (the paper: red), which colour-blind readers can distinguish.
 SIDE_COLOUR = {"left": "#0072B2", "right": "#D55E00"}
@@ -31,6 +33,7 @@ _TITLES = {
     CONTROLS[Sign.shuffled]: "GA with Hebbian plasticity, shuffled signs",
 }
 _SIGNS = "● start    ○ the robot at the end    ◌ goal    ★ lamp    grey: walls    brown: obstacles (light: for a part)"
+_RAYS, _THICK = 360, 0.06  # a ray for each degree; m of a wall that are shown
 _T = TypeVar("_T")
 
 
@@ -51,7 +54,7 @@ def trajectories(traces: Traces, scenario: Scenario, title: str) -> Figure:
 
 def maze(scenario: Scenario) -> Figure:
     """The maze with the robot at its start."""
-    figure, (axes,) = _mazes(scenario, 1)
+    figure, (axes,) = _mazes(scenario, 1, "")
     x, y, heading = scenario.maze.start
     ahead = scenario.robot.radius_m * np.array([np.cos(heading), np.sin(heading)])
     axes.add_patch(Circle((x, y), scenario.robot.radius_m, facecolor="#009E73", edgecolor="black", zorder=3))
@@ -61,13 +64,13 @@ def maze(scenario: Scenario) -> Figure:
     return figure
 
 
-def _mazes(scenario: Scenario, panels: int) -> tuple[Figure, list[Axes]]:
+def _mazes(scenario: Scenario, panels: int, signs: str = _SIGNS) -> tuple[Figure, list[Axes]]:
     """Mazes side by side; below them the changes of the lifetime and the meaning of the signs."""
     left, right, bottom, top = view(scenario)
     wide = max(4.8 * panels, 6.4 if scenario.changes else 4.8)
     changes = [f"◆{number} {timed_change_text(change)}" for number, change in enumerate(scenario.changes, 1)]
     changes += [f"{len(scenario.hand)} changes by hand"] if scenario.hand else []
-    lines = [line for part in ("    ".join(changes), _SIGNS) for line in textwrap.wrap(part, round(13 * wide))]
+    lines = [line for part in ("    ".join(changes), signs) for line in textwrap.wrap(part, round(13 * wide))]
     high = min(5.6, max(1.6, 4.0 * (top - bottom) / (right - left))) + 1.5 + 0.19 * len(lines)
     figure = Figure(figsize=(wide, high), layout="constrained")
     figure.supxlabel(plain("\n".join(lines)), fontsize=8.5)
@@ -78,10 +81,19 @@ def _mazes(scenario: Scenario, panels: int) -> tuple[Figure, list[Axes]]:
 
 
 def view(scenario: Scenario) -> tuple[float, float, float, float]:
-    """Left, right, bottom and top edge [m] of a picture of a maze: its outermost walls, as far as its arena reaches."""
-    walls, arena = boxes(scenario.maze), scenario.maze.arena_m
-    (left, bottom), (right, top) = walls[:, [0, 2]].min(axis=0), walls[:, [1, 3]].max(axis=0)
-    return max(left, -arena), min(right, arena), max(bottom, -arena), min(top, arena)
+    """Left, right, bottom and top edge [m] of a picture of a maze: all that is seen from start and goals, and walls."""
+    maze, walls, arena = scenario.maze, boxes(scenario.maze), scenario.maze.arena_m
+    angles = np.radians(np.arange(_RAYS) + 0.5)  # none along an axis, where one part of its direction is 0
+    ahead, distance, seen = np.array([np.cos(angles), np.sin(angles)]), np.empty(_RAYS), []
+    goals = (world.goals_now[side] for _, world in scenario.phases for side in SIDES)
+    for x, y in (place[:2] for place in (maze.start, *goals)):
+        rays = np.vstack([np.full(_RAYS, x), np.full(_RAYS, y), ahead, 1 / ahead])
+        cast(x, y, rays, _RAYS, walls, math.inf, distance)
+        seen.append(rays[:2] + ahead * np.minimum(distance, 2 * arena))
+    low, high = np.concatenate(seen, axis=1).min(axis=1), np.concatenate(seen, axis=1).max(axis=1)
+    left, bottom = np.maximum(low - _THICK, np.maximum(walls[:, [0, 2]].min(axis=0), -arena)).tolist()
+    right, top = np.minimum(high + _THICK, np.minimum(walls[:, [1, 3]].max(axis=0), arena)).tolist()
+    return left, right, bottom, top
 
 
 def controller_title(controller: str) -> str:

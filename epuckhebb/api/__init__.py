@@ -150,14 +150,11 @@ def play(
         keys: Settings as keywords.
 
     Returns:
-        The live world: `.address` of its page, `.close()` ends it. Runs that the page saves
-        are in `runs/evaluate/`.
+        The live world: `.address` of its page, `.close()` ends it. Runs that the page saves are in `runs/evaluate/`.
     """
     folder, path = _folder(config_dir), resolve_run(genome, "evolve")
     words = as_evolved([f"genome={quoted(str(path))}", *overrides_of(overrides, keys)], folder)
-    live = Live(words, side, folder)
-    live.__enter__()
-    return live
+    return Live(words, side, folder).__enter__()
 
 
 def sweep(

@@ -1,6 +1,5 @@
 """Declares the commands of `epuckhebb`. Each imports what is heavy when it is called, so help comes at once."""
 
-import webbrowser
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -83,6 +82,8 @@ def replay(
     open_page: Open = False,
 ) -> None:
     """A page, or a GIF, to watch lifetimes or a flock."""
+    import webbrowser
+
     from epuckhebb.export.replay import replay as write_replay
     from epuckhebb.store import resolve_run
 

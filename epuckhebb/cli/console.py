@@ -9,6 +9,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from epuckhebb.runtime import discard
+
 _GAP = 2  # characters between the columns of a table
 _LEAST = 10  # characters that a column of text needs
 _HEADING = 8  # characters of a heading's line above narrower figures
@@ -20,6 +22,10 @@ class Terminal(Console):
     def __init__(self, *, stderr: bool = False) -> None:
         """Write names as they are: nothing in them is an emoji. A notebook gets the lines that a file would get."""
         super().__init__(stderr=stderr, highlight=not stderr, emoji=False, force_jupyter=False)
+
+    def on_broken_pipe(self) -> None:
+        """Say nothing more: nobody reads it, and what was to be done is done."""
+        discard(self.file)
 
 
 def print_line(console: Console, text: str) -> None:

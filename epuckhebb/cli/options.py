@@ -128,7 +128,7 @@ def takes_options(command: Callable[..., None]) -> Callable[..., None]:
         be_quiet(options.quiet)
         command(**values, options=options)
 
-    called.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    vars(called)["__signature__"] = signature.replace(parameters=parameters)
     called.__annotations__ = {one.name: one.annotation for one in parameters}
     return called
 

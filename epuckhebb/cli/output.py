@@ -1,10 +1,9 @@
 """Turns errors into one message and an exit code, and writes JSON."""
 
 import json
-import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from typing import Any
 
 import typer
@@ -16,6 +15,7 @@ from epuckhebb.runtime import (
     USAGE,
     ConfigError,
     JobFailedError,
+    discard,
     interrupted,
     interruptible,
 )
@@ -40,8 +40,7 @@ def report_errors() -> Iterator[None]:
     except KeyboardInterrupt as interruption:
         message, code = interrupted(str(interruption)), INTERRUPTED
     except BrokenPipeError:  # nobody reads what we say, and what we do is done
-        with suppress(OSError, ValueError):  # a stream of a test has no number
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        discard(sys.stdout)
     except OSError as error:
         message = f"{error.filename}: {error.strerror}" if error.filename else str(error)
     except MemoryError as error:

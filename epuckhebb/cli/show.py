@@ -22,9 +22,9 @@ def print_finished(finished: list[Path], console: Console) -> None:
     """Print the results of the runs of one call."""
     if len(finished) > 1:
         _print_multirun(finished, console)
-    for path in finished if len(finished) == 1 else ():
-        results.print_results(path, console)
-        print_line(console, f"Run folder: {path}")
+    elif finished:
+        results.print_results(finished[0], console)
+        print_line(console, f"Run folder: {finished[0]}")
 
 
 def _print_multirun(finished: list[Path], console: Console) -> None:
@@ -102,7 +102,8 @@ def as_json(path: Path) -> dict[str, Any]:
 
 def _in_short(path: Path) -> str:
     """The state of a run, and its result in a few words."""
-    run, status = Run(path), Run(path).status
+    run = Run(path)
+    status = run.status
     if status["state"] != "finished":
         return ": ".join(filter(None, (status["state"], status.get("error", ""))))
     if run.has("history.csv"):

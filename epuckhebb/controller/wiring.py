@@ -77,7 +77,7 @@ class Wiring(OwnClass):
         """How many neurons each group has; a subclass defines it."""
         raise TypeError("a wiring needs `sizes`")
 
-    def synapses(self, inputs: int) -> Iterable[tuple[int, int]]:  # noqa: ARG002
+    def synapses(self, inputs: int) -> Iterable[tuple[int, int]]:  # noqa: ARG002  # others need it
         """The presynaptic and the postsynaptic neuron of each synapse, in the order of the genes.
 
         Inputs are numbered from 0. The constant 1 is number `inputs`, and the neurons follow.

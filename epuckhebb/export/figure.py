@@ -8,8 +8,8 @@ from epuckhebb.analysis import charts
 from epuckhebb.analysis.figures import maze, trajectories
 from epuckhebb.analysis.image import KINDS, image
 from epuckhebb.config import EvaluateConfig, EvolveConfig
-from epuckhebb.export.replay import config_of, recording
-from epuckhebb.runs import figures
+from epuckhebb.export.replay import recording
+from epuckhebb.runs import config_of, figures
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Run, load_genome, of_multirun, write_atomic
 from epuckhebb.studies import sweep

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,14 +9,12 @@ from numpy.typing import NDArray
 from epuckhebb.analysis import movie
 from epuckhebb.analysis import replay as pages
 from epuckhebb.analysis.evaluate import Traces
-from epuckhebb.config import EvaluateConfig, EvolveConfig, from_values, settings, with_own_copies
+from epuckhebb.config import EvaluateConfig
 from epuckhebb.controller.network import Network
-from epuckhebb.runs import caption
+from epuckhebb.runs import caption, config_of
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Run, read_traces, write_atomic
 from epuckhebb.studies.flock import replay_page
-
-_Config = TypeVar("_Config", EvaluateConfig, EvolveConfig)
 
 
 @dataclass(frozen=True)
@@ -30,12 +27,6 @@ class Recording:
     config: EvaluateConfig
     title: str
     notes: list[str]
-
-
-def config_of(run: Run, kind: type[_Config]) -> _Config:
-    """The settings of a run, with its copies of the user's files."""
-    values = with_own_copies(settings(run.config_file), run.path, run.provenance.get("own_code", {}))
-    return from_values(values, kind, str(run.path))
 
 
 def recording(path: Path) -> Recording:

@@ -15,7 +15,7 @@ from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.plasticity.rule import InitialWeights
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.controller.wiring import LAYERS
-from epuckhebb.export.replay import config_of
+from epuckhebb.runs import config_of
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Genome, Run, load_genome, resolve_run, write_atomic
 from epuckhebb.tmaze.fitness import initial_history

@@ -14,7 +14,7 @@ import time
 from collections.abc import Sequence
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from typing import Any
+from typing import Any, Self
 
 from epuckhebb.config import quoted
 from epuckhebb.live import page
@@ -53,7 +53,7 @@ class Play:
         self._server.play, self.port = self, int(self._server.server_address[1])
         self.address = f"http://127.0.0.1:{self.port}/#{self.secret}"
 
-    def __enter__(self) -> "Play":
+    def __enter__(self) -> Self:
         """Begin to run and to serve."""
         for target in (self._run, self._server.serve_forever):
             threading.Thread(target=target, daemon=True).start()

@@ -17,4 +17,4 @@ from epuckhebb.runs.evaluate import (
 )
 from epuckhebb.runs.evolve import evolve_into, evolve_job, new_evolution, prepare_evolution, resume
 from epuckhebb.runs.notes import notes_of
-from epuckhebb.runs.rerun import repeat
+from epuckhebb.runs.rerun import config_of, repeat

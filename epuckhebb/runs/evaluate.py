@@ -33,7 +33,7 @@ from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, evolved
 from epuckhebb.controller.wiring import Wiring
 from epuckhebb.runs import hydra
 from epuckhebb.runs.notes import notes_of
-from epuckhebb.runtime import ConfigError, conf, data_folder
+from epuckhebb.runtime import ConfigError, data_folder, saying_if_slow
 from epuckhebb.store import Genome, RunFolder, as_npz, check_wiring, digest, load_genome, traces_arrays
 from epuckhebb.tmaze.batch import load_kernel
 from epuckhebb.tmaze.individual import GA_ALONE, Controller
@@ -52,17 +52,16 @@ class PreparedEvaluation:
     config: EvaluateConfig
     genome: Genome
 
-    def in_world(self, world: Scenario) -> "PreparedEvaluation":
-        """The same evaluation in another world of its experiment, for as long as lifetimes last there.
+    def in_world_of(self, other: EvaluateConfig) -> "PreparedEvaluation":
+        """The same evaluation in the world of another one of its experiment, for as long as lifetimes last there.
 
-        The physics is that of the world if this brings its own, as `base_3d` does.
+        The physics is that of the world if a change brings it, as `3d` does.
         """
-        if world.name == self.config.world.name:
+        world, ours = other.world, self.config.world
+        if world.name == ours.name:
             return self
         there = copy.copy(self.config)
-        ours = self.config.world
-        rows = conf.table("change").items()
-        is_brought = any("physics" in row and f"_{name}_" in f"{world.name}_" for name, row in rows)
+        is_brought = any("physics" in brought for brought in other.change.values())
         physics = world.physics if is_brought else ours.physics
         there.world = replace(world, fitness=ours.fitness, physics=physics)
         there.lifetime = replace(self.config.lifetime, duration_s=world.paper_duration_s)
@@ -208,9 +207,10 @@ def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:
 def compile_for(controllers: Sequence[Controller], network: Network, world: Scenario) -> None:
     """Load or compile what lifetimes with these controllers need."""
     try:
-        for controller in controllers or [GA_ALONE]:
-            with suppress(LostRobotError):  # one step of a network of zeros says nothing about a genome
-                load_kernel(controller, network, world)
+        with saying_if_slow("Compiling; a first start takes some ten seconds, later ones do not."):
+            for controller in controllers or [GA_ALONE]:
+                with suppress(LostRobotError):  # one step of a network of zeros says nothing about a genome
+                    load_kernel(controller, network, world)
     except ValueError as error:  # a NotCompiledError among them
         raise ConfigError(str(error)) from error
 

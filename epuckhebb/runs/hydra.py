@@ -38,6 +38,7 @@ from epuckhebb.store import check_folder_of_multirun, of_multirun
 
 _CHECKED_IN_FULL = 20  # a longer list of values is checked at its two ends
 _RUN_DIR = "hydra.run.dir"
+_FULL_ERROR = "HYDRA_FULL_ERROR"  # environment variable
 
 
 class Job(NamedTuple):
@@ -158,9 +159,7 @@ def call(command: str, task: Callable[[Any], None], arguments: list[str], config
     """Call Hydra as its own command line would; see `run`. task: is given each configuration that Hydra composed."""
     entry = hydra.main(config_path=str(data_folder("conf")), config_name=command, version_base=VERSION_BASE)(task)
     workers = _workers_of_ours() if "--multirun" in arguments else nullcontext()
-    argv, sys.argv = sys.argv, [f"epuckhebb {command}", *arguments]
-    os.environ["HYDRA_FULL_ERROR"] = "1"  # it raises errors in place of printing them
-    with catalogue(command, config_dir), workers:
+    with catalogue(command, config_dir), _as_command_line(command, arguments), workers:
         try:
             entry()
         except (ConfigError, JobFailedError):
@@ -169,8 +168,20 @@ def call(command: str, task: Callable[[Any], None], arguments: list[str], config
             if "--multirun" not in arguments or isinstance(error, HydraException | OmegaConfBaseException):
                 raise ConfigError(explain(error)) from error
             raise JobFailedError(f"the launcher stopped: {type(error).__name__}: {error}") from error  # not a job
-        finally:
-            sys.argv = argv
+
+
+@contextmanager
+def _as_command_line(command: str, arguments: list[str]) -> Iterator[None]:
+    """Set what Hydra reads: the argument list, and that errors are raised, not printed."""
+    argv, full_error = sys.argv, os.environ.get(_FULL_ERROR)
+    sys.argv = [f"epuckhebb {command}", *arguments]
+    os.environ[_FULL_ERROR] = "1"
+    try:
+        yield
+    finally:
+        sys.argv = argv
+        os.environ.pop(_FULL_ERROR)
+        os.environ |= {} if full_error is None else {_FULL_ERROR: full_error}
 
 
 def new_stamp() -> str:

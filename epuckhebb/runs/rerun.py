@@ -2,6 +2,7 @@
 
 from itertools import zip_longest
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -11,6 +12,17 @@ from epuckhebb.runs.evolve import evolve_into, new_evolution, prepare_evolution
 from epuckhebb.runs.hydra import new_stamp
 from epuckhebb.runtime import ConfigError, say, thread_count
 from epuckhebb.store import SCIENCE, Run, load_genome, versions
+
+_Config = TypeVar("_Config", EvaluateConfig, EvolveConfig)
+
+
+def config_of(run: Run, kind: type[_Config]) -> _Config:
+    """The settings of a run, with its copies of the user's files, which are as the run wrote them."""
+    for name in run.status.get("sha256", {}):
+        if name == hand.NAME or name.startswith(f"{OWN_CODE}/"):
+            run.content(name)
+    values = with_own_copies(settings(run.config_file), run.path, run.provenance.get("own_code", {}))
+    return from_values(values, kind, str(run.path))
 
 
 def repeat(path: Path) -> tuple[Path, str]:
@@ -29,13 +41,9 @@ def repeat(path: Path) -> tuple[Path, str]:
         if before not in (None, number):
             say(f"{name} was {before} in this run, and is {number} now; digits may differ.")
     new = Path("runs") / command / f"{new_stamp()}_rerun_of_{path.resolve().name}"
-    for written in run.status["sha256"]:
-        if written == hand.NAME or written.startswith(f"{OWN_CODE}/"):
-            run.content(written)  # as this run wrote it
-    values = with_own_copies(settings(run.config_file), path, facts.get("own_code", {}))
     more = {"command_line": ["epuckhebb", "rerun", str(path)], "rerun_of": str(path)}
     if command == "evaluate":
-        config = from_values(values, EvaluateConfig, str(path))
+        config = config_of(run, EvaluateConfig)
         genome = prepare_evaluation(config).genome
         if genome.sha256 != facts["genome_sha256"]:
             raise ConfigError(
@@ -44,7 +52,7 @@ def repeat(path: Path) -> tuple[Path, str]:
             )
         evaluate_into(new, config, facts["overrides"], more, threads=thread_count(config.threads))
     else:
-        again = prepare_evolution(from_values(values, EvolveConfig, str(path)))
+        again = prepare_evolution(config_of(run, EvolveConfig))
         again.compile()
         if again.given is not None and not np.array_equal(load_genome(str(path), "").network_genes, again.given):
             raise ConfigError(f"genome={again.config.genome} does not hold the weights with which {path} began")

@@ -19,11 +19,12 @@ from epuckhebb.runtime.errors import (
     is_interruption,
     open_folders,
 )
-from epuckhebb.runtime.progress import bar, be_quiet, counting, say
+from epuckhebb.runtime.progress import bar, be_quiet, counting, say, saying_if_slow
 from epuckhebb.runtime.resources import (
     LATEST,
     REFERENCE,
     data_folder,
+    discard,
     open_missing_streams,
     path_of,
     thread_count,

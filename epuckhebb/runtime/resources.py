@@ -2,7 +2,9 @@
 
 import os
 import sys
+from contextlib import suppress
 from pathlib import Path
+from typing import IO
 
 from epuckhebb.runtime.errors import ConfigError
 
@@ -21,6 +23,12 @@ def open_missing_streams() -> None:
             stream = Path(os.devnull).open(mode, encoding="utf-8")  # noqa: SIM115 - it stays open to the end
             os.set_inheritable(stream.fileno(), True)  # workers have the same streams
             setattr(sys, name, stream)
+
+
+def discard(stream: IO[str]) -> None:
+    """Let nothing come of what else is written to a stream that nobody reads, at the end of the program too."""
+    with suppress(OSError, ValueError):  # a stream of a test has no number
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def thread_count(threads: int = 0) -> int:

@@ -33,14 +33,19 @@ _PATIENCE_S = 1.0  # how long another process may lock a folder just to look whe
 
 
 class OwnFile(Protocol):
-    """A user's own Python file: the place of its copy, the SHA-256 of its sources, and all copies by their places."""
+    """A user's own Python file, as a run folder keeps it."""
 
     @property
-    def copy(self) -> str: ...  # noqa: D102
+    def copy(self) -> str:
+        """The place of its copy in the run folder."""
+
     @property
-    def sha256(self) -> dict[str, str]: ...  # noqa: D102
+    def sha256(self) -> dict[str, str]:
+        """The SHA-256 of its source and of those that it imports, by path."""
+
     @property
-    def copies(self) -> dict[str, bytes]: ...  # noqa: D102
+    def copies(self) -> dict[str, bytes]:
+        """All copies, by their places."""
 
 
 class RunFolder:

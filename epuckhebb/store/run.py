@@ -23,7 +23,7 @@ _TEXTS = (
 
 
 class Run:
-    """A run folder. Every property and method reads the files as they are now, but checksums only once.
+    """A run folder. Every property and method reads the files as they are now, but the recorded status once.
 
     What cannot be read raises `ConfigError`. Only `recorded_status`, `has` and `is_whole` answer in any case.
     """

@@ -31,7 +31,6 @@ from epuckhebb.store import OwnFile, RunFolder, as_json, digest, write_atomic
 from epuckhebb.studies.jobs import Job
 from epuckhebb.studies.study import Study, job_name
 from epuckhebb.tmaze.fitness import Signal
-from epuckhebb.tmaze.scenario import Scenario
 
 COST = "cost.json"
 
@@ -85,15 +84,15 @@ def job_of(overrides: list[str], config: Plain, *, champion: str = "", purpose: 
 
 
 @functools.cache
-def world_named(name: str, config_dir: str | None) -> Scenario:
-    """A world: the name of a scenario, and of changes, with + between them."""
+def evaluation_named(name: str, config_dir: str | None) -> EvaluateConfig:
+    """An evaluation of genes in a world: the name of a scenario, and of changes, with + between them."""
     scenario, *changes = name.split("+")
     try:
-        world = evaluation_in(scenario, (f"change={changes}", "hebbian=none"), config_dir).world
+        config = evaluation_in(scenario, (f"change={changes}", "hebbian=none"), config_dir)
     except ConfigError as error:
         raise ConfigError(f"world {name}: {error}") from error
-    check_library(world)
-    return world
+    check_library(config.world)
+    return config
 
 
 @functools.cache
@@ -107,7 +106,7 @@ def evaluation_in(
 @functools.cache
 def worlds_digest(worlds: tuple[str, ...], config_dir: str | None) -> str:
     """A digest of worlds: equal for equal worlds."""
-    return digest({name: repr(world_named(name, config_dir)) for name in worlds})
+    return digest({name: repr(evaluation_named(name, config_dir).world) for name in worlds})
 
 
 def _test(path: Path, config: EvaluateConfig, job: Plain, overrides: list[str], facts: dict[str, Any]) -> None:
@@ -124,7 +123,7 @@ def _test(path: Path, config: EvaluateConfig, job: Plain, overrides: list[str], 
         began = time.process_time()
         rows: Rows = []
         for name in job["worlds"]:
-            there = prepared.in_world(world_named(name, job.get("config_dir")))
+            there = prepared.in_world_of(evaluation_named(name, job.get("config_dir")))
             rows += there.run(there.remember(threads), threads)[0]
         if genome.sha256 != facts["genome_sha256"]:
             raise JobFailedError(f"the genes of {genome.name} changed in its lifetimes")

@@ -36,7 +36,7 @@ from epuckhebb.controller.ranges import within
 from epuckhebb.runs import compile_for, prepare_evolution
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Run, fingerprint
-from epuckhebb.studies.champions import COST, ChampionStudy, evaluation_in, job_of, world_named, worlds_digest
+from epuckhebb.studies.champions import COST, ChampionStudy, evaluation_in, evaluation_named, job_of, worlds_digest
 from epuckhebb.studies.jobs import Job, split
 from epuckhebb.studies.methods import ALL, Method, in_reversal, methods_named
 from epuckhebb.studies.study import Planned, prepare
@@ -250,7 +250,7 @@ def tests_of(sweeps: Sequence[str], config_dir: str | None) -> dict[str, dict[st
     """The test worlds of every experiment: those of these sweeps, without the training world."""
     tests: dict[str, dict[str, Scenario]] = {one: {} for one in TRAINED}
     for name in (name for sweep in sweeps for name in _swept(sweep, config_dir)):
-        world = world_named(name, config_dir)
+        world = evaluation_named(name, config_dir).world
         if name != TRAINED[world.experiment]:
             tests[world.experiment][name] = world
     return tests

@@ -171,10 +171,10 @@ class Setup(NamedTuple):
 
     rate: N at the wheel gain of this lifetime. floor, signal, history: of the live fitness. rule: the settings of the
     rule, as numbers. adaptation: those of the adaptation. nominal: what it compares with. lit: the lights. goal_x,
-    goal_y, goal_radius: m. arm: the region in which the robot has turned the
-    right way. arena: m, half side. faults: what is wrong with the robot. terms: the numbers of the task. fitness: those
-    of the fitness. gain: wheel speed [rad/s] of a network output of 1. noise_level: 1 for the sensors' own noise.
-    record_every: steps between two samples, 0 for none.
+    goal_y, goal_radius: m. arm: the region in which the robot has turned the right way. arena: m, half side. faults:
+    what is wrong with the robot. terms: the numbers of the task. fitness: those of the fitness. gain: wheel speed
+    [rad/s] of a network output of 1. noise_level: 1 for the sensors' own noise. record_every: steps between two
+    samples, 0 for none.
     """
 
     rate: float

@@ -32,21 +32,20 @@ class Scenario:
 
     light: level of the sun, 1 as in bright training, 0.1 dimmed. sun_turn_deg: how far the sun is turned anticlockwise
     from where it stands in training. second_lamp: x, y [m] and intensity of a lamp that is always lit and shines all
-    around. obstacles: how many; 0, 2 or 4 in the paper's maze.
-    layout: where they stand, 0 as in the maze, k > 0 the k-th random layout. goals: of each side, None for the maze's.
-    dead_sensors: numbers of the places on the robot's rim where it is blind (senses the dark and no wall).
-    distance_gain, distance_offset: factor on its distance readings, 0 to 1, and what is added then.
-    left_distance_gain: one more factor, for those on the left half. crosstalk: share of its two neighbours' readings
-    that a distance sensor also reads. sensor_levels: how many values a reading can have, 0 for any. sensor_delay_steps,
-    wheel_delay_steps: how late the readings and the commands are, in steps of 32 ms. left_wheel, right_wheel:
-    share of the commanded speed at which the wheel turns. left_slip, right_slip: share of the time for which the wheel
-    slips. mass_ratio: the robot's mass over that for which its drive was made. wall_friction:
+    around. obstacles: how many; 0, 2 or 4 in the paper's maze. layout: where they stand, 0 as in the maze, k > 0 the
+    k-th random layout. goals: of each side, None for the maze's. dead_sensors: numbers of the places on the robot's rim
+    where it is blind (senses the dark and no wall). distance_gain, distance_offset: factor on its distance readings, 0
+    to 1, and what is added then. left_distance_gain: one more factor, for those on the left half. crosstalk: share of
+    its two neighbours' readings that a distance sensor also reads. sensor_levels: how many values a reading can have, 0
+    for any. sensor_delay_steps, wheel_delay_steps: how late the readings and the commands are, in steps of 32 ms.
+    left_wheel, right_wheel: share of the commanded speed at which the wheel turns. left_slip, right_slip: share of the
+    time for which the wheel slips. mass_ratio: the robot's mass over that for which its drive was made. wall_friction:
     coefficient of friction between robot and walls. lamp_on: whether the lamp is lit, None for what the side says.
     placed: blocks in the maze besides its obstacles. rate: factor on N. put: where the robot is put, at rest, when this
     world begins. reset: whether its weights become those of the genes then. changes: what changes during a lifetime, in
     the order of time; each is `at_s` [s] and new values of keys of this class (`CHANGEABLE`). hand: changes by hand
-    (`epuckhebb play`), as `changes`. experiment: that of the paper to which the
-    scenario belongs, `light` or `obstacles`. paper_N, paper_duration_s: the paper's base rate and evaluation time [s].
+    (`epuckhebb play`), as `changes`. experiment: that of the paper to which the scenario belongs, `light` or
+    `obstacles`. paper_N, paper_duration_s: the paper's base rate and evaluation time [s].
     """
 
     name: str = "base"

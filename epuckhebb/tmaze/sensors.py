@@ -209,7 +209,7 @@ class DistanceSensors(RimSensors):
             raise ValueError(
                 f"robot.distance_curve must be two or more rows of growing distance, the first at 0, got {distances}"
             )
-        ends = distances[-1] / min(1.0, self.stretch)  # [m], where nothing is sensed any more
+        ends = max(distances[-1] / self.stretch, DistanceSensors.reach_m)  # [m]: beyond, no reach does anything
         check_value("robot.reach_m", self.reach_m, Range(0, ends, above=True))
 
     def kernels(self, first: int, radius_m: float) -> Kernels:
