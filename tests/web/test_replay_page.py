@@ -271,8 +271,8 @@ def test_the_world_is_that_of_the_moment(visit, changing):
     for t, number, said in (
         (1, 0, r"cm from the goal; light 0\.1$"),
         (4, 1, r"; light 1; left_wheel=0.9$"),
-        (30, 2, r"; light 1; dead_sensors=\(2,\), left_wheel=0.9$"),
-        (55, 3, r"; light 1; dead_sensors=\(2,\), left_wheel=0.9$"),
+        (30, 2, r"; light 1; dead_sensors=\[2\], left_wheel=0.9$"),
+        (55, 3, r"; light 1; dead_sensors=\[2\], left_wheel=0.9$"),
         (1, 0, r"cm from the goal; light 0\.1$"),
     ):
         page.evaluate("(t) => replay.seek(t)", t)
