@@ -19,7 +19,7 @@ from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import kernel
 from epuckhebb.controller.forward_pass import forward_pass
 from epuckhebb.controller.network import PAPER_NETWORK, WEIGHT_LIMIT, GivenOutputs, Network, initial_weights_of
-from epuckhebb.controller.plasticity.rule import NoRule
+from epuckhebb.controller.plasticity.rule import NO_RULE
 from epuckhebb.controller.random import Stream, key
 from epuckhebb.runtime import ConfigError
 from epuckhebb.tmaze.individual import Individual
@@ -65,7 +65,7 @@ class TMaze(gymnasium.Env[Floats, Floats]):
         lowest[self.world.robot.inputs :] = -1.0
         self.observation_space = gymnasium.spaces.Box(lowest, np.ones(self.world.inputs), dtype=np.float64)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (OUTPUTS,), np.float64)
-        self._simulator = Simulator(self.world, self.lifetime, NoRule)
+        self._simulator = Simulator(self.world, self.lifetime, NO_RULE)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Floats, dict[str, Any]]:
         """Begin a lifetime.

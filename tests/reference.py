@@ -75,6 +75,7 @@ class Robot:
             self.genes = self.by_layer(drawn)
         self.signs = self.by_layer(np.ones(sum(g.size for g in self.genes)) if signs is None else signs)
         self.controller, self.rule = controller, controller.rule
+        self.last, self.between = [], STEP * self.rule.every  # activations of the last steps; s from update to update
         self.adaptation = controller.adaptation if controller.adaptation.acts else Adaptation()
         self.task = scenario.task if scenario.task.name == "reversal" else None
         self.trials, self.reward, self.over, self.time_outs = [], 0.0, False, 0
@@ -196,15 +197,17 @@ class Robot:
         rate = self.rule.N * need * max(self.rule.floor, fitness)
         if self.rule.N_gain_rad_s:
             rate *= self.gain / self.rule.N_gain_rad_s
+        self.last = [*self.last, activations][-self.rule.average :]
+        read = [sum(layer) / len(self.last) for layer in zip(*self.last, strict=True)]
         if "v" in self.evolved and self.rule.N > 0:
             *v, v0 = self.evolved["v"]
-            of_reward = self.evolved["vr"][0] * self.reward if self.task is not None else 0
-            rate *= np.tanh((np.dot(v, activations[-2]) + v0 + of_reward) / 2)
+            of_reward = self.evolved["vr"][0] * read[0][-2] if self.task is not None else 0
+            rate *= np.tanh((np.dot(v, read[-2]) + v0 + of_reward) / 2)
         self.fitness = fitness
         if need == 0 and self.adaptation.plastic_when.name != "goal_signal":
             self.initialise()
-        if need > 0 and self.rule.N > 0:
-            self.learn(activations, rate)
+        if need > 0 and self.rule.N > 0 and self.step_number % self.rule.every == 0:
+            self.learn(read, rate)
         change = sum(np.abs(w - g).sum() for w, g in zip(self.weights, self.genes, strict=True))
         lit = self.weights[0][: self.kind.light.count] * (1 - self.used_scale)
         change += np.abs(lit).sum() + np.abs(lit.sum(axis=0)).sum()
@@ -409,7 +412,9 @@ class Robot:
                 k, pre[:, None], post[None, :], self.synapse_state[k]
             )
             self.weights[k] = np.clip(self.weights[k] + rate * self.signs[k] * direction, -w_max, w_max)
-            if self.rule.keeps_lengths:
+            if self.rule.normalise.name == "largest" and self.weights[k].any():
+                self.weights[k] = self.weights[k] / np.abs(self.weights[k]).max()
+            if self.rule.normalise.name == "length":
                 now, initial_weight = (np.linalg.norm(w, axis=0) for w in (self.weights[k], self.genes[k]))
                 self.weights[k] = np.clip(self.weights[k] / now * initial_weight, -w_max, w_max)
 
@@ -421,11 +426,11 @@ class Robot:
         return pre * post - post**2 * self.weights[layer]
 
     def bcm(self, layer, pre, post, state):
-        state["square"] = state["square"] + STEP / self.rule.threshold_time_s * (post**2 - state["square"])
+        state["square"] = state["square"] + self.between / self.rule.threshold_time_s * (post**2 - state["square"])
         return pre * post * (post - state["square"])
 
     def differential(self, layer, pre, post, state):
-        share = STEP / self.rule.trace_time_s
+        share = self.between / self.rule.trace_time_s
         state["pre"] = state["pre"] + share * (pre - state["pre"])
         state["post"] = state["post"] + share * (post - state["post"])
         return state["pre"] * post - pre * state["post"]
@@ -459,7 +464,7 @@ class Robot:
         if "child" not in state:
             state |= {"child": weights, "parent": weights, "best": -1, "window": []}
         state["window"].append(self.fitness)
-        if len(state["window"]) == int(self.rule.window_s / STEP):
+        if len(state["window"]) == int(self.rule.window_s / self.between):
             mean = sum(state["window"]) / len(state["window"])
             if mean > state["best"]:
                 state |= {"parent": state["child"], "best": mean}

@@ -111,7 +111,8 @@ def test_the_incoming_weights_of_each_neuron_keep_their_length():
     spread, lengths = coefficients(Discrete, network, values), initial_lengths(Discrete, network, genes)
     genotype = Genotype(genes, np.empty(0), spread, np.empty(0), lengths, np.ones_like(genes))
     now = StepContext(0.1, np.uint64(1), 0, 0.032)
-    total = update_of(Discrete, network)(weights, np.empty(0), genotype, activation, 0.1, now, numbers, workspace)
+    learn = update_of(Discrete, network, Discrete().schedule)
+    total = learn(weights, np.empty(0), genotype, activation, 0.1, now, numbers, workspace)
     assert total == pytest.approx(np.abs(weights - genes).sum()) != 0
     for now, before in zip(by_layer(network, weights), by_layer(network, genes), strict=True):
         np.testing.assert_allclose(np.linalg.norm(now, axis=0), np.linalg.norm(before, axis=0))

@@ -153,7 +153,10 @@ def test_what_cannot_be_exported_is_refused(here, words, message):
 
 
 @pytest.mark.usefixtures("here")
-def test_a_history_that_is_carried_is_refused():
+@pytest.mark.parametrize(
+    ("word", "wanted"), [("hebbian=carried", "hebbian.carries_history=false"), ("hebbian.every=2", "hebbian.every=1")]
+)
+def test_what_the_controller_for_webots_does_not_do_is_refused(word, wanted):
     short = ["lifetime.duration_s=0.064", "repeats=1", "lifetime.record_every=0", "-q"]
-    done("evaluate", "hebbian=carried", *short, "hydra.run.dir=run")
-    assert "hebbian.carries_history=false" in refused("export", "run", "--webots", "-o", "c")
+    done("evaluate", word, *short, "hydra.run.dir=run")
+    assert wanted in refused("export", "run", "--webots", "-o", "c")

@@ -75,6 +75,8 @@ def test_intervals_are_over_champions():
     assert set(over.champions) == {3}
     assert over.success["Hebbian", "left"] == 0.5
     assert (over.success_low["Hebbian", "left"], over.success_high["Hebbian", "left"]) == (0, 1)
+    share, low, high = over.filter(like="saturated_fraction").loc["Hebbian", "left"]
+    assert share == low == 0 < high < 1
 
 
 @pytest.mark.parametrize(

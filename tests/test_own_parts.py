@@ -146,6 +146,11 @@ def test_an_unknown_argument_is_refused(kind):
         (["robot.sensors=[{noise: 1}]"], ["robot.sensors[0]", "FILE.py:NAME"]),
         (["fitness.goal=1"], ["fitness.goal", "fitness paper"]),
         (["hebbian.signal=fitness"], ["hebbian.signal=fitness", "`step`"]),
+        (["hebbian.normalise=most"], ["hebbian.normalise", "none, largest, length", "'most'"]),
+        (["hebbian.average=0"], ["hebbian.average must lie in [1, 10000], got 0"]),
+        (["hebbian.every=0"], ["hebbian.every must be 1 or more, got 0"]),
+        (["hebbian.every=1.5"], ["hebbian.every", "1.5"]),
+        (["network.wiring=elman", "hebbian.normalise=largest"], ["hebbian.normalise=largest", "elman has no layers"]),
         (["network.wiring=ctrnn", "network.hidden=-1"], ["network.hidden must be 0 or more, got -1"]),
         (["network.wiring=ctrnn", "network.layers=[16,2]"], ["network.layers is no key of wiring ctrnn"]),
         (["network.hidden=3"], ["network.hidden is no key of wiring mlp"]),
@@ -164,7 +169,7 @@ def test_a_name_or_a_setting_that_no_part_has_is_refused(words, texts):
     [
         (["network.wiring=ctrnn", "hebbian=modulated"], ["rule modulated has a modulatory neuron", "ctrnn"]),
         (["network.wiring=elman", "hebbian=abcd_shared"], ["rule abcd_shared has A for each layer", "elman"]),
-        (["network.wiring=elman", "hebbian=discrete"], ["rule discrete keeps the lengths of incoming weights"]),
+        (["network.wiring=elman", "hebbian=discrete"], ["hebbian.normalise=length", "elman has no layers"]),
     ],
 )
 def test_a_rule_of_layers_is_refused_where_there_are_none(words, texts):

@@ -23,7 +23,8 @@ _TRIAL = ["experiment", "scenario", "controller", "N", "genome", "side", "seed",
 _SUCCESS = ("n", "success", "success_noise_low", "success_noise_high")
 _REWARDED = "rewarded_share"  # the last mean, where a lifetime is many trials
 _MOST = 60  # rows of a table of success beside one of rescue and harm
-_BOUNDS = {"success": (0.0, 1.0), "weight_change_mean": None, _REWARDED: (0.0, 1.0)}  # of means over champions
+_SHARE = 0.0, 1.0
+_BOUNDS = {"success": _SHARE, "weight_change_mean": None, "saturated_fraction": _SHARE, _REWARDED: _SHARE}  # of means
 
 
 def summary(rows: pd.DataFrame, settings: list[str]) -> pd.DataFrame:

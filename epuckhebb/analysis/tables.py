@@ -84,7 +84,7 @@ def saturation(metrics: Iterable[Mapping[str, Any]]) -> str:
             shares.setdefault(row["controller"], []).append(row["saturated_fraction"])
     means = {name: mean(own) for name, own in shares.items()}
     named = ", ".join(f"{100 * share:.0f} % ({name})" for name, share in means.items() if share > 0.5)
-    return f"More than half of the weights end at their bound, hebbian.w_max: {named}." if named else ""
+    return f"More than half of the weights end at their bound: {named}." if named else ""
 
 
 def flat(table: Mapping[tuple[str, str], Mapping[str, float]]) -> list[dict[str, Any]]:

@@ -146,7 +146,7 @@ def _write_defaults(settings: DictConfig, kind: str, part: str, key: str) -> Non
 
 
 def _fit_rule(cfg: DictConfig, choice: str, chosen: DictConfig) -> None:
-    """Give a rule that was named by its class its own rate, and drop what the chosen row says for another rule."""
+    """Give a rule that was named by its class its own rate and bounds, and drop what the row says for another rule."""
     rule = cfg.hebbian.get("rule")
     if rule in (None, NONE, chosen.get("rule")):
         return
@@ -157,6 +157,8 @@ def _fit_rule(cfg: DictConfig, choice: str, chosen: DictConfig) -> None:
     as_chosen = {key for key, value in raw_chosen.items() if raw.get(key) == value}
     if "N" in as_chosen or "N" not in raw:
         cfg.hebbian.N = own["N"] or raw.get("N", cfg.scenario.paper_N)
+    if "normalise" in as_chosen:
+        cfg.hebbian.normalise = own["normalise"].name
     for key in as_chosen - {"rule", "name", *own}:
         del cfg.hebbian[key]
     if cfg.hebbian.get("name") == choice:

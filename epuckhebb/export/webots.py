@@ -12,7 +12,7 @@ import numpy as np
 
 from epuckhebb.config import EvaluateConfig, load
 from epuckhebb.controller.plasticity.control import Sign
-from epuckhebb.controller.plasticity.rule import InitialWeights
+from epuckhebb.controller.plasticity.rule import EVERY_STEP, InitialWeights
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.controller.wiring import LAYERS
 from epuckhebb.runs import config_of
@@ -101,11 +101,13 @@ def _rule(controller: Controller) -> dict[str, Any]:
     """The settings of the rule, which must be the paper's without an adaptation."""
     rule = controller.rule
     as_in_paper = rule.sign is Sign.hebbian and rule.initial_weights is InitialWeights.evolved and not rule.N_gain_rad_s
-    if not isinstance(rule, Paper) or not as_in_paper or rule.carries_history or controller.adaptation.acts:
+    as_in_paper = as_in_paper and rule.schedule == EVERY_STEP and not rule.carries_history
+    if not isinstance(rule, Paper) or not as_in_paper or controller.adaptation.acts:
         raise ConfigError(
             f"controller {controller.name} cannot be taken to Webots: only the paper's rule can, without an "
-            "adaptation, with its own signs, evolved initial weights, an N that holds at any gain, and "
-            "hebbian.carries_history=false; or none (hebbian=none)"
+            "adaptation, with its own signs, evolved initial weights, an N that holds at any gain, "
+            "hebbian.normalise=none, hebbian.average=1, hebbian.every=1 and hebbian.carries_history=false; or none "
+            "(hebbian=none)"
         )
     settings = {key: value.name if isinstance(value, Enum) else value for key, value in asdict(rule).items()}
     return {**settings, "history_steps": initial_history(rule).steps}

@@ -68,6 +68,7 @@ def life_of(group: Group, i: int) -> Life:
         records.weights[i],
         records.synapse_state[i],
         records.activation[i],
+        records.recent[i],
         records.adaptation,
         records.trials,
         records.score[i],

@@ -35,8 +35,8 @@ def run_lifetimes(
     """
     size = max(1, min(_LIFETIMES_PER_STAGE, -(-len(individuals) // threads)))
     blocks = [individuals[first : first + size] for first in range(0, len(individuals), size)]
-    rules = [type(one.controller.rule) for one in individuals if not one.controller.adaptation.acts]
-    fallback_rule = next((rule for rule in rules if rule is not NoRule and not rule.evolved), Paper)
+    rules = [one.controller.rule for one in individuals if not one.controller.adaptation.acts]
+    fallback_rule = next((rule for rule in rules if not isinstance(rule, NoRule) and not rule.evolved), Paper())
 
     def in_turn(block: Sequence[Individual]) -> list[tuple[Outcome, Samples]]:
         simulator, done = Simulator(scenario, lifetime, fallback_rule), []

@@ -141,6 +141,7 @@ class Controller:
                 f"hebbian.reward={rule.reward.name} does nothing with rule {rule.name} and task={task.name}: one of "
                 "them knows no reward"
             )
+        rule.check_wiring(wiring)
         self.adaptation.check(rule, duration_s, wiring)
 
 

@@ -107,6 +107,7 @@ class Workspace(NamedTuple):
     drive: Floats
     synapses: Floats
     change: Floats
+    mean: Floats
 
 
 def workspace_for(network: Network, robot: Robot, physics: Physics = PYMUNK) -> Workspace:
@@ -117,6 +118,7 @@ def workspace_for(network: Network, robot: Robot, physics: Physics = PYMUNK) -> 
         drive=np.empty(network.neurons),
         synapses=np.empty((3, network.synapses)),
         change=np.empty(weight_change_workspace(network)),
+        mean=np.empty(network.neurons),
     )
 
 
@@ -142,9 +144,10 @@ class Life(NamedTuple):
     """All that a lifetime carries from step to step, but for the space in which the robot stands.
 
     key: of all noise. tally: one record of `TALLY`. weights: (synapses,). synapse_state: (synapses,) records.
-    activation: (neurons,). adaptation: what it carries. trials: records of `epuckhebb.tmaze.task.TRIAL`, none where a
-    lifetime is one trial. score: one record, what its fitness stores. neurons: of a wiring; its state lasts as long as
-    the lifetime. past: what late sensors and wheels need (`epuckhebb.tmaze.faults`).
+    activation: (neurons,). recent: (steps, neurons), activations of the last steps. adaptation: what it carries.
+    trials: records of `epuckhebb.tmaze.task.TRIAL`, none where a lifetime is one trial. score: one record, what its
+    fitness stores. neurons: of a wiring; its state lasts as long as the lifetime. past: what late sensors and wheels
+    need (`epuckhebb.tmaze.faults`).
     """
 
     genotype: Genotype
@@ -153,6 +156,7 @@ class Life(NamedTuple):
     weights: Floats
     synapse_state: NDArray[np.void]
     activation: Floats
+    recent: Floats
     adaptation: Any
     trials: NDArray[np.void]
     score: NDArray[np.void]

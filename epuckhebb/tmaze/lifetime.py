@@ -26,7 +26,8 @@ CONTACT = 0.8  # a distance reading above this counts as contact, as in the publ
 _part: Any = None
 OUTPUT, HAS_RULE, HAS_TRIALS, HAS_SCORE, resets = 0, False, False, False, False
 draw_noise = sense = apply_sensor_faults = blind = reward_input = scale = _part  # sense
-forward = nearest = score = open_gate = modulate = learn = record_tilt = _part  # act, score, learn
+forward = nearest = score = _part  # act, score
+open_gate = average = modulate = is_due = learn = record_tilt = _part  # learn
 explore = turn_wheels = move = to_goal = end_step = _part  # move
 
 
@@ -98,12 +99,14 @@ def decide(
         reset_to_genes(life)
     tally.need = need
     rate = effective_rate(setup.rate, need, live_fitness, setup.floor)
+    read = average(life.recent, activation, step, workspace.mean)
     if HAS_RULE and setup.rate > 0.0 and need > 0.0:
-        rate *= modulate(life.genotype.modulatory, activation)
-        context = StepContext(live_fitness, life.key, step, STEP_S)
-        tally.weight_change = learn(
-            weights, life.synapse_state, life.genotype, activation, rate, context, setup.rule, workspace
-        )
+        rate *= modulate(life.genotype.modulatory, read)
+        if is_due(step, setup.rule):
+            context = StepContext(live_fitness, life.key, step, STEP_S)
+            tally.weight_change = learn(
+                weights, life.synapse_state, life.genotype, read, rate, context, setup.rule, workspace
+            )
     tally.weight_change_sum += tally.weight_change + tally.scaling
     if setup.record_every > 0 and step % setup.record_every == 0:
         number = step // setup.record_every

@@ -6,8 +6,8 @@ from typing import Any
 from epuckhebb.controller.compiling.kernel import compiled, kernel, nothing, with_parts
 from epuckhebb.controller.forward_pass import forward_pass
 from epuckhebb.controller.network import Network
-from epuckhebb.controller.plasticity.rule import NoRule, Rule
-from epuckhebb.controller.plasticity.update import modulation_of, update_of
+from epuckhebb.controller.plasticity.rule import EVERY_STEP, NoRule, Rule, Schedule
+from epuckhebb.controller.plasticity.update import averaging, modulation_of, pausing, update_of
 from epuckhebb.controller.random import normal_numbers
 from epuckhebb.tmaze.faults import sensor_faults, turn_at_once, turn_with_faults
 from epuckhebb.tmaze.individual import NoAdaptation
@@ -33,14 +33,15 @@ def kernel_of(
     task: Task = ONE_TRIAL,
     fitness: Fitness = PAPER_FITNESS,
     physics: Physics = PYMUNK,
+    schedule: Schedule = EVERY_STEP,
 ) -> Any:
     """`live`, or another page that takes the parts of a lifetime (`look`, `live_group`), compiled or from the cache.
 
-    more_faults: whether there are other faults than dead sensors and weak wheels. Of task, fitness and adaptation
-    only the functions matter.
+    more_faults: whether there are other faults than dead sensors and weak wheels. schedule: of the rule. Of task,
+    fitness and adaptation only the functions matter.
     """
     scoring = scored(fitness)
-    values = (rule, adaptation.parts, network, robot, more_faults, type(task), scoring, physics)
+    values = (rule, schedule, adaptation.parts, network, robot, more_faults, type(task), scoring, physics)
     if (page, values) in _kernels:
         return _kernels[page, values]
     check_inputs(network, robot, task)
@@ -55,7 +56,9 @@ def kernel_of(
         "nearest": largest_distance_reading(robot),
         "draw_noise": normal_numbers(robot.inputs),
         "forward": forward_pass(network),
-        "learn": update_of(rule, network),
+        "average": averaging(schedule),
+        "is_due": pausing(rule, schedule),
+        "learn": update_of(rule, network, schedule),
         "modulate": modulation_of(rule, network),
         **adaptation.hooks(robot, network.post[0])._asdict(),
         "apply_sensor_faults": sensor_faults(robot) if more_faults else nothing,

@@ -59,10 +59,10 @@ class OutcomeOfTrials(Outcome):
         return self._trials
 
 
-def outcome_of(life: Life, world: Scenario, at_start: float, w_max: float, pose: Pose) -> Outcome:
+def outcome_of(life: Life, world: Scenario, at_start: float, bound: float, pose: Pose) -> Outcome:
     """The metrics of a lifetime so far, of one step or more, in its present world.
 
-    at_start: distance from its start to the nearest goal [m]. w_max: bound of the weights. pose: of the robot now.
+    at_start: distance from its start to the nearest goal [m]. bound: of the weights. pose: of the robot now.
     """
     tally = tally_of(life)
     behaviour, goal_reward = tally.behaviour_sum / tally.step, fitness.reward(tally.goal_distance)
@@ -78,7 +78,7 @@ def outcome_of(life: Life, world: Scenario, at_start: float, w_max: float, pose:
         tally.goal_distance < world.maze.goal_radius_m,
         world.task.fitness(behaviour, goal_reward, life.trials, at_start),
         tally.step,
-        saturated_fraction(life.weights, w_max),
+        saturated_fraction(life.weights, bound),
         *pose[:2],
     )
     if world.fitness.is_own:

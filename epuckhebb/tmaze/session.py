@@ -121,7 +121,7 @@ class Session:
             kind.synapse_state,
             coefficients(type(rule), network, parts),
             modulatory_weights(type(rule), parts, rule.reward),
-            initial_lengths(type(rule), network, weights),
+            initial_lengths(rule, network, weights),
             np.ascontiguousarray(of_updates, float),
             neurons,
         )
@@ -134,6 +134,7 @@ class Session:
             weights=weights.copy(),
             synapse_state=kind.synapse_state.copy(),
             activation=activation,
+            recent=np.zeros((rule.average, network.neurons)),
             adaptation=who.controller.adaptation.initial_state(world.robot),
             trials=world.task.initial_trials(who.side, who.task_key),
             score=world.fitness.initial_state(),
@@ -218,7 +219,7 @@ class Session:
     def outcome(self, pose: Pose | None = None) -> Outcome:
         """The metrics of the lifetime so far, of one step or more. pose: of a robot that is in another's space."""
         at_start = min(math.dist(self._start[:2], goal) for goal in self._first.goals_now.values())
-        return outcome_of(self.life, self.world, at_start, self.individual.controller.rule.w_max, pose or self.pose)
+        return outcome_of(self.life, self.world, at_start, self.individual.controller.rule.bound, pose or self.pose)
 
     def _has_ended(self) -> bool:
         return len(self.life.trials) > 0 and bool(self.life.tally[0]["over"])

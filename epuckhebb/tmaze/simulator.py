@@ -29,6 +29,7 @@ from epuckhebb.tmaze.physics_engine import Space
 from epuckhebb.tmaze.samples import Samples, empty_samples
 from epuckhebb.tmaze.scenario import Scenario
 
+_PAPER = Paper()
 _NOWHERE = Region(math.inf, -math.inf, math.inf, -math.inf)  # the arm of a task that has no correct side
 
 
@@ -66,7 +67,7 @@ class Simulator:
     one kernel less to compile.
     """
 
-    def __init__(self, world: Scenario, lifetime: Lifetime, fallback_rule: type[Rule] = Paper) -> None:
+    def __init__(self, world: Scenario, lifetime: Lifetime, fallback_rule: Rule = _PAPER) -> None:
         self.world, self.lifetime, self._fallback_rule = world, lifetime, fallback_rule
         self.phases = self.phases_of(world)
         self.more_faults = any(phase.faults.more for phase in self.phases)
@@ -91,9 +92,9 @@ class Simulator:
 
     def kernel(self, page: Callable[..., None], controller: Controller, network: Network, more_faults: bool) -> Any:
         """A function of `lifetime.py`, compiled for such individuals in this world."""
-        world, rule = self.world, self._fallback_rule if controller.is_ga_alone else type(controller.rule)
-        choice = page, more_faults, world.task, world.fitness, world.physics
-        return kernel_of(rule, controller.adaptation, network, world.robot, *choice)
+        world, rule = self.world, self._fallback_rule if controller.is_ga_alone else controller.rule
+        choice = page, more_faults, world.task, world.fitness, world.physics, rule.schedule
+        return kernel_of(type(rule), controller.adaptation, network, world.robot, *choice)
 
     def kind_of(self, controller: Controller, network: Network, more_faults: bool) -> Kind:
         """What individuals with this controller and network share. more_faults: whether their kernel has these."""
@@ -101,8 +102,8 @@ class Simulator:
         if place in self._kinds:
             return self._kinds[place]
         rule, adaptation, robot = controller.rule, controller.adaptation, self.world.robot
-        compiled_for = self._fallback_rule if controller.is_ga_alone else type(rule)
-        own = compiled_for is type(rule)
+        compiled_for = self._fallback_rule if controller.is_ga_alone else rule
+        own = compiled_for is rule
         factor = self.lifetime.gain_rad_s / rule.N_gain_rad_s if rule.N_gain_rad_s else 1.0
         kernel = self.kernel(live, controller, network, more_faults)
         self._kinds[place] = kind = Kind(

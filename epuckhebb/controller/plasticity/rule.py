@@ -1,9 +1,10 @@
 """A plasticity rule: its settings, the state of each synapse, its evolved parameters, and its update."""
 
+import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import OwnClass, name_of
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.ranges import within
-from epuckhebb.controller.wiring import LAYERS
+from epuckhebb.controller.wiring import LAYERS, Wiring
 
 QUANTITIES = (
     "correlation",
@@ -33,6 +34,7 @@ TAKEN = (*QUANTITIES, "weights")  # names that no evolved parameter may have; `w
 MODULATOR, REWARD = "modulator", "reward"
 INITIAL_RANGE = 0.1  # of random initial weights, as in Najarro & Risi 2020
 _LARGEST_WEIGHT = 1e6  # a neuron is saturated from a drive of 20 on
+_MOST_STEPS = 10_000  # to average over; 5 min in the maze
 
 
 class InitialWeights(Enum):
@@ -40,6 +42,28 @@ class InitialWeights(Enum):
 
     evolved = "evolved"
     random = "random"
+
+
+class Normalise(Enum):
+    """What is done to the weights after each update, beside clipping them to `w_max`."""
+
+    none = "none"
+    largest = "largest"  # each layer of connections is divided by its largest absolute weight, if that is above 0
+    length = "length"  # the incoming weights of each neuron get their initial length, the root of their squares' sum
+
+
+class Schedule(NamedTuple):
+    """What of a rule's settings, besides its class, decides how its kernel is compiled.
+
+    normalise: as in `Rule`. averages, pauses: whether `average` and `every` are more than 1.
+    """
+
+    normalise: Normalise = Normalise.none
+    averages: bool = False
+    pauses: bool = False
+
+
+EVERY_STEP = Schedule()
 
 
 class Reward(Enum):
@@ -60,7 +84,9 @@ class Rule(OwnClass):
     fitness that is a running mean, the time and the mean that it starts from; carries_history: whether a lifetime
     starts from where the one before ended. sign: of the updates, `hebbian` or a
     control. initial_weights: `evolved` or `random`. reward: how a modulatory neuron receives a reward, as `given` or,
-    as a control, `inverted`.
+    as a control, `inverted`. normalise: what is done to the weights after an update. average: the activations that an
+    update reads, the modulatory neuron's inputs too, are means over so many steps, over fewer at the start of a
+    lifetime. every: one step in so many has an update, the last of them.
 
     A subclass has a static method `synapse`, compiled by numba, which returns the direction of a weight's change. The
     program multiplies it by N_e, adds it to the weight and clips that to +-w_max. The arguments of `synapse` are any of
@@ -72,7 +98,7 @@ class Rule(OwnClass):
         initial_weight   the weight at the start of the lifetime
         fitness          the live fitness, the same for all synapses
         key, step        of the lifetime's noise, and of this step; with `number`, the place of a random number
-        step_s           how long a step is, s
+        step_s           the time from one update to the next, s
         number           of this synapse, from 0
         synapse_state    the numbers named in the class attribute `synapse_state`, to be read and set
         by               the rule's settings
@@ -81,8 +107,7 @@ class Rule(OwnClass):
     synapse_state: name -> initial value, of what each synapse stores during a lifetime. evolved: name -> `Evolved`. A
     rule with a parameter per `modulator` has a modulatory neuron, whose output multiplies all updates. with_reward:
     parameters that replace or join those in `evolved` where the network has a reward input. coefficients: the names
-    that `express` returns, for `synapse` instead of those in `evolved`. keeps_lengths: whether the incoming weights of
-    each neuron are scaled after each update to their initial length, the root of the sum of their squares.
+    that `express` returns, for `synapse` instead of those in `evolved`.
     """
 
     PART: ClassVar[str] = "rule"
@@ -92,7 +117,6 @@ class Rule(OwnClass):
     evolved: ClassVar[Mapping[str, Evolved]] = {}
     with_reward: ClassVar[Mapping[str, Evolved]] = {}
     coefficients: ClassVar[tuple[str, ...]] = ()
-    keeps_lengths: ClassVar[bool] = False
     synapse: ClassVar[Any] = None
 
     N: float = within(0, default=0.0)
@@ -106,6 +130,27 @@ class Rule(OwnClass):
     sign: Sign = Sign.hebbian
     initial_weights: InitialWeights = InitialWeights.evolved
     reward: Reward = Reward.given
+    normalise: Normalise = Normalise.none
+    average: int = within(1, _MOST_STEPS, default=1)
+    every: int = within(1, default=1)
+
+    @property
+    def schedule(self) -> Schedule:
+        """What decides, besides the class, how its kernel is compiled."""
+        return Schedule(self.normalise, self.average > 1, self.every > 1)
+
+    @property
+    def bound(self) -> float:
+        """The largest absolute value that a weight can have at the end of a step."""
+        return 1.0 if self.normalise is Normalise.largest else self.w_max
+
+    def check_wiring(self, wiring: Wiring | None) -> None:
+        """Refuse to normalise weights of a wiring without layers; a ValueError."""
+        if wiring is not None and self.normalise is not Normalise.none:
+            raise ValueError(
+                f"hebbian.normalise={self.normalise.name} works layer by layer, and network.wiring={wiring.name} has "
+                f"no layers; give hebbian.normalise=none, or network.wiring={LAYERS}"
+            )
 
     @classmethod
     def express(cls, parameters: Mapping[str, Floats]) -> Mapping[str, Floats]:
@@ -123,6 +168,8 @@ class Rule(OwnClass):
 
 class NoRule(Rule):
     """No plasticity: the weights stay as they are."""
+
+    bound = math.inf
 
     @staticmethod
     def synapse() -> float:
@@ -191,8 +238,7 @@ def check_layers(rule: type[Rule], network: Network) -> None:
     if network.wiring is None:
         return
     needs = [name for name, evolved in evolved_by(rule, network).items() if evolved.per == "layer"]
-    why = "keeps the lengths of incoming weights" if rule.keeps_lengths else ""
-    why = f"has {needs[0]} for each layer" if needs else why
+    why = f"has {needs[0]} for each layer" if needs else ""
     why = "has a modulatory neuron, which receives the layer before the wheels" if modulator_of(rule) else why
     if why:
         raise ValueError(

@@ -4,7 +4,9 @@
                                            holds; m: output of a modulatory neuron; all three are 1 in the paper
     W'  = clip(W + N_e S D, -W_max, W_max) D: the rule's direction; S: a sign, 1 but in controls
 
-The weights are a copy of the genes. The genome is never written, so every lifetime starts from the genes.
+The weights are a copy of the genes. The genome is never written, so every lifetime starts from the genes. Settings of
+all rules may normalise the weights after an update, average the activations that it reads over the last steps, and
+leave out updates (`normalise`, `average`, `every`); a kernel has the code for those alone that are in use.
 """
 
 from collections.abc import Callable
@@ -21,8 +23,11 @@ from epuckhebb.controller.forward_pass import MOST_BLOCKS
 from epuckhebb.controller.network import Network, by_layer, tanh
 from epuckhebb.controller.own_class import call_of, namedtuple_of
 from epuckhebb.controller.plasticity.rule import (
+    EVERY_STEP,
+    Normalise,
     NoRule,
     Rule,
+    Schedule,
     coefficient_names,
     modulator_of,
     receives_reward,
@@ -30,7 +35,6 @@ from epuckhebb.controller.plasticity.rule import (
 from epuckhebb.controller.plasticity.weight_change import total_of, weight_change
 
 PRE, POST, CORRELATION = range(3)  # rows of the workspace of an update
-SCALE = POST  # the row is free when the direction is known
 
 
 @compiled
@@ -100,32 +104,41 @@ def _filled_one_by_one(network: Network, quantity: int) -> Fill:
     return fill
 
 
-def _fill_scale(
-    _pre: int,
-    post: int,
-    first: int,
-    inputs: int,
-    outputs: int,
-    weights: Floats,
-    lengths: Floats,
-    room: Floats,
+def _divide_by_largest(
+    _pre: int, _post: int, first: int, inputs: int, outputs: int, weights: Floats, _lengths: Floats, _w_max: float
 ) -> None:
-    """Write the factors that give the incoming weights of one layer of connections their initial length."""
+    """Divide the weights of one layer of connections by the largest, if that is above 0."""
+    largest = 0.0
+    for k in range(first, first + inputs * outputs):
+        largest = max(largest, abs(weights[k]))
+    if largest > 0.0:
+        for k in range(first, first + inputs * outputs):
+            weights[k] /= largest
+
+
+def _restore_lengths(
+    _pre: int, post: int, first: int, inputs: int, outputs: int, weights: Floats, lengths: Floats, w_max: float
+) -> None:
+    """Give the incoming weights of one layer of connections their initial length."""
     for j in range(outputs):
         squares = 0.0
         for i in range(inputs):
             squares += weights[first + i * outputs + j] * weights[first + i * outputs + j]
         scale = lengths[post + j] / np.sqrt(squares) if squares > 0.0 else 1.0
         for i in range(inputs):
-            room[SCALE, first + i * outputs + j] = scale
+            k = first + i * outputs + j
+            weights[k] = min(max(weights[k] * scale, -w_max), w_max)
 
 
-def initial_lengths(rule: type[Rule], network: Network, genes: Floats) -> Floats:
+_NORMALISE = {Normalise.largest: _divide_by_largest, Normalise.length: _restore_lengths}
+
+
+def initial_lengths(rule: Rule, network: Network, genes: Floats) -> Floats:
     """The length of each neuron's incoming weights, (neurons,); empty for a rule that does not keep it.
 
     genes: initial weights.
     """
-    if not rule.keeps_lengths:
+    if rule.normalise is not Normalise.length:
         return np.empty(0)
     inputs = np.zeros(network.inputs + 1)
     return np.concatenate([inputs, *(np.linalg.norm(layer, axis=0) for layer in by_layer(network, genes))])
@@ -168,7 +181,44 @@ def modulation_of(rule: type[Rule], network: Network) -> Modulate:
     return modulate
 
 
-def update_of(rule: type[Rule], network: Network) -> Update:
+_activation: Any = compiled(lambda _recent, activation, _step, _mean: activation)
+_always: Any = compiled(lambda _step, _numbers: True)
+
+
+def averaging(schedule: Schedule) -> Any:
+    """The function `average(recent, activation, step, mean)`: what an update reads, (neurons,).
+
+    recent: (steps, neurons), in which the activations of this step replace the oldest. mean: (neurons,), workspace.
+    """
+    if not schedule.averages:
+        return _activation
+
+    @compiled
+    def average(recent: Floats, activation: Floats, step: int, mean: Floats) -> Floats:
+        steps, neurons = recent.shape
+        for j in range(neurons):
+            recent[step % steps, j] = activation[j]
+            mean[j] = 0.0
+        count = min(steps, step + 1)
+        for past in range(step + 1 - count, step + 1):  # from the oldest on
+            for j in range(neurons):
+                mean[j] += recent[past % steps, j]
+        for j in range(neurons):
+            mean[j] /= count
+        return mean
+
+    return average
+
+
+def pausing(rule: type[Rule], schedule: Schedule) -> Any:
+    """The function `is_due(step, numbers)`: whether a step has an update. numbers: the settings of the rule."""
+    if not schedule.pauses:
+        return _always
+    place = rule.settings().index("every")
+    return compiled(lambda step, numbers: (step + 1) % numbers[place] == 0.0)
+
+
+def update_of(rule: type[Rule], network: Network, schedule: Schedule = EVERY_STEP) -> Update:
     """The function that updates all weights of a network once by a rule, and returns the weight change.
 
     The function is `learn(weights, synapse_state, genotype, activation, rate, now, numbers, workspace)`: weights
@@ -190,7 +240,7 @@ def update_of(rule: type[Rule], network: Network) -> Update:
         "fitness": "now.fitness",
         "key": "now.key",
         "step": "now.step",
-        "step_s": "now.step_s",
+        "step_s": "now.step_s * by.every" if schedule.pauses else "now.step_s",
         "number": "k",
         "synapse_state": "synapse_state[k]",
         "by": "by",
@@ -204,10 +254,10 @@ def update_of(rule: type[Rule], network: Network) -> Update:
     fill_pre = _filled(network, PRE) if "pre" in names else nothing
     fill_post = _filled(network, POST) if "post" in names else nothing
     fill_correlation = _filled(network, CORRELATION) if "correlation" in names else nothing
-    fill_scale = nothing
-    if rule.keeps_lengths:
-        fill_scale = in_turn(_fill_scale, network.connections, "weights, lengths, room")
-    scales, synapses, total = rule.keeps_lengths, network.synapses, total_of(network)
+    normalises, normalise = schedule.normalise is not Normalise.none, nothing
+    if normalises:
+        normalise = in_turn(_NORMALISE[schedule.normalise], network.connections, "weights, lengths, w_max")
+    synapses, total = network.synapses, total_of(network)
 
     @compiled
     def learn(
@@ -228,12 +278,11 @@ def update_of(rule: type[Rule], network: Network) -> Update:
         for k in range(synapses):
             towards = direction(k, weights, synapse_state, genotype, alike, now, room, by)
             weights[k] = next_weight(weights[k], rate * signs[k], towards, by.w_max)
-            if not scales:
+            if not normalises:
                 change[k] = weight_change(weights[k], genes[k])
-        if scales:
-            fill_scale(weights, genotype.lengths, room)
+        if normalises:
+            normalise(weights, genotype.lengths, by.w_max)
             for k in range(synapses):
-                weights[k] = min(max(weights[k] * room[SCALE, k], -by.w_max), by.w_max)
                 change[k] = weight_change(weights[k], genes[k])
         return total(change)
 

@@ -5,7 +5,8 @@
 Source: Najarro & Risi, Meta-learning through Hebbian plasticity in random networks, NeurIPS 2020, equation 1. As there,
 initial weights are uniform in +-0.1, drawn anew for each lifetime, or evolved (`initial_weights`). Their coefficients
 start as N(0, 1) without bounds; here they start uniform in +-1 and stay within +-2, as all genes do. In some tasks they
-divide the weights of a layer by the largest after each update; here all are clipped, as in the paper.
+divide the weights of a layer by the largest after each update; here all are clipped, as in the paper, and divided with
+`normalise=largest`.
 """
 
 from dataclasses import dataclass

@@ -4,8 +4,8 @@
     m = 1 if F > high, else -1 if F < low, else 0   reinforcement, of the live fitness F
     D = eta r(m, a_j, a_i)                          r from a table of -1, 0 and 1, eight entries; r(0, ..) = 0
 
-After each update the incoming weights of each neuron are scaled back to their initial length. Evolved are the table,
-eta, the threshold, and `high` and `low`.
+After each update the incoming weights of each neuron get back their initial length (`normalise`). Evolved are the
+table, eta, the threshold, and `high` and `low`.
 
 Source: Yaman, Iacca, Mocanu, Coler, Fletcher & Pechenizkiy, Evolving plasticity for autonomous learning under changing
 environmental conditions, Evolutionary Computation 29, 2021 (arXiv 1904.01709). There the task gives the reinforcement;
@@ -21,7 +21,7 @@ import numpy as np
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.evolved import Evolved
-from epuckhebb.controller.plasticity.rule import Rule
+from epuckhebb.controller.plasticity.rule import Normalise, Rule
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,10 +45,10 @@ class Discrete(Rule):
         *("both_worse", "pre_worse", "post_worse", "none_worse"),
         *("threshold", "high", "low"),
     )
-    keeps_lengths: ClassVar = True
 
     N_gain_rad_s: float = 4.0
     floor: float = 1.0
+    normalise: Normalise = Normalise.length
 
     @classmethod
     def express(cls, parameters: Mapping[str, Floats]) -> Mapping[str, Floats]:
