@@ -12,7 +12,7 @@ import epuckhebb
 from epuckhebb.controller import random
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import PAPER_NETWORK, Network, by_layer
-from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, coefficients, modulatory_weights
+from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, coefficients, modulatory_weights, schedule_of
 from epuckhebb.controller.plasticity.rules.abcd import ABCD
 from epuckhebb.controller.plasticity.rules.abcd_neuron import ABCDNeuron
 from epuckhebb.controller.plasticity.rules.abcd_shared import ABCDShared
@@ -111,7 +111,7 @@ def test_the_incoming_weights_of_each_neuron_keep_their_length():
     spread, lengths = coefficients(Discrete, network, values), initial_lengths(Discrete, network, genes)
     genotype = Genotype(genes, np.empty(0), spread, np.empty(0), lengths, np.ones_like(genes))
     now = StepContext(0.1, np.uint64(1), 0, 0.032)
-    learn = update_of(Discrete, network, Discrete().schedule)
+    learn = update_of(Discrete, network, schedule_of(Discrete()))
     total = learn(weights, np.empty(0), genotype, activation, 0.1, now, numbers, workspace)
     assert total == pytest.approx(np.abs(weights - genes).sum()) != 0
     for now, before in zip(by_layer(network, weights), by_layer(network, genes), strict=True):

@@ -12,7 +12,7 @@ import numpy as np
 
 from epuckhebb.config import EvaluateConfig, load
 from epuckhebb.controller.plasticity.control import Sign
-from epuckhebb.controller.plasticity.rule import EVERY_STEP, InitialWeights
+from epuckhebb.controller.plasticity.rule import EVERY_STEP, InitialWeights, schedule_of
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.controller.wiring import LAYERS
 from epuckhebb.runs import config_of
@@ -101,7 +101,7 @@ def _rule(controller: Controller) -> dict[str, Any]:
     """The settings of the rule, which must be the paper's without an adaptation."""
     rule = controller.rule
     as_in_paper = rule.sign is Sign.hebbian and rule.initial_weights is InitialWeights.evolved and not rule.N_gain_rad_s
-    as_in_paper = as_in_paper and rule.schedule == EVERY_STEP and not rule.carries_history
+    as_in_paper = as_in_paper and schedule_of(rule) == EVERY_STEP and not rule.carries_history
     if not isinstance(rule, Paper) or not as_in_paper or controller.adaptation.acts:
         raise ConfigError(
             f"controller {controller.name} cannot be taken to Webots: only the paper's rule can, without an "

@@ -16,6 +16,7 @@ from epuckhebb.controller.own_class import OwnClass, PartError, is_own
 from epuckhebb.controller.plasticity.rule import (
     INITIAL_RANGE,
     InitialWeights,
+    bound_of,
     coefficients,
     modulatory_weights,
     values_of,
@@ -219,7 +220,8 @@ class Session:
     def outcome(self, pose: Pose | None = None) -> Outcome:
         """The metrics of the lifetime so far, of one step or more. pose: of a robot that is in another's space."""
         at_start = min(math.dist(self._start[:2], goal) for goal in self._first.goals_now.values())
-        return outcome_of(self.life, self.world, at_start, self.individual.controller.rule.bound, pose or self.pose)
+        bound = bound_of(self.individual.controller.rule)
+        return outcome_of(self.life, self.world, at_start, bound, pose or self.pose)
 
     def _has_ended(self) -> bool:
         return len(self.life.trials) > 0 and bool(self.life.tally[0]["over"])

@@ -14,7 +14,7 @@ from epuckhebb.controller.genome import GenomePlan, plan_of
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import stored
 from epuckhebb.controller.plasticity.control import Sign, signs
-from epuckhebb.controller.plasticity.rule import Rule
+from epuckhebb.controller.plasticity.rule import Rule, schedule_of
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze.changes import AT_ONCE
 from epuckhebb.tmaze.faults import Faults, faults_of
@@ -93,7 +93,7 @@ class Simulator:
     def kernel(self, page: Callable[..., None], controller: Controller, network: Network, more_faults: bool) -> Any:
         """A function of `lifetime.py`, compiled for such individuals in this world."""
         world, rule = self.world, self._fallback_rule if controller.is_ga_alone else controller.rule
-        choice = page, more_faults, world.task, world.fitness, world.physics, rule.schedule
+        choice = page, more_faults, world.task, world.fitness, world.physics, schedule_of(rule)
         return kernel_of(type(rule), controller.adaptation, network, world.robot, *choice)
 
     def kind_of(self, controller: Controller, network: Network, more_faults: bool) -> Kind:

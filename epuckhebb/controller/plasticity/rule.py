@@ -134,16 +134,6 @@ class Rule(OwnClass):
     average: int = within(1, _MOST_STEPS, default=1)
     every: int = within(1, default=1)
 
-    @property
-    def schedule(self) -> Schedule:
-        """What decides, besides the class, how its kernel is compiled."""
-        return Schedule(self.normalise, self.average > 1, self.every > 1)
-
-    @property
-    def bound(self) -> float:
-        """The largest absolute value that a weight can have at the end of a step."""
-        return 1.0 if self.normalise is Normalise.largest else self.w_max
-
     def check_wiring(self, wiring: Wiring | None) -> None:
         """Refuse to normalise weights of a wiring without layers; a ValueError."""
         if wiring is not None and self.normalise is not Normalise.none:
@@ -169,8 +159,6 @@ class Rule(OwnClass):
 class NoRule(Rule):
     """No plasticity: the weights stay as they are."""
 
-    bound = math.inf
-
     @staticmethod
     def synapse() -> float:
         """D = 0."""
@@ -178,6 +166,18 @@ class NoRule(Rule):
 
 
 NO_RULE = NoRule()
+
+
+def schedule_of(rule: Rule) -> Schedule:
+    """What decides, besides the class of a rule, how its kernel is compiled."""
+    return Schedule(rule.normalise, rule.average > 1, rule.every > 1)
+
+
+def bound_of(rule: Rule) -> float:
+    """The largest absolute value that a weight can have after an update; infinite where there is none."""
+    if isinstance(rule, NoRule):
+        return math.inf
+    return 1.0 if rule.normalise is Normalise.largest else rule.w_max
 
 
 def coefficient_names(rule: type[Rule]) -> tuple[str, ...]:
