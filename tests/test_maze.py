@@ -65,6 +65,7 @@ def other(**values):
     [
         ({"walls": {"thin": Box(0, 0, 0.1, 0.0)}}, r"maze\.walls\.thin, its sizes, must"),
         ({"obstacle_counts": (0, 5)}, r"maze\.obstacle_counts must .* got \(0, 5\)"),
+        ({"obstacle_counts": (0, 2)}, r"maze\.obstacle_counts must go up to 4, .* arm_left, "),
         ({"goals": {"left": Place(0, 0), "right": Place(0.6, 0)}}, r"maze\.goals\.right must lie in"),
         ({"start": Pose(0, -0.7, 0)}, r"maze\.start must lie in"),
         ({"arena_m": 11.0}, r"maze\.arena_m must lie in"),
@@ -85,9 +86,9 @@ def test_a_start_in_a_wall_is_refused():
 def test_a_layout_needs_niches_and_obstacles_are_counted():
     with pytest.raises(ValueError, match=r"scenario\.layout = 3"):
         Scenario(maze=other(niches=()), layout=3)
-    with pytest.raises(ValueError, match=r"scenario\.obstacles must be one of 0, 1"):
-        Scenario(maze=other(obstacle_counts=(0, 1)), obstacles=2)
-    assert Scenario(maze=other(obstacle_counts=(0, 1)), obstacles=1).obstacles == 1
+    with pytest.raises(ValueError, match=r"scenario\.obstacles must be one of 0, 1, 4"):
+        Scenario(maze=other(obstacle_counts=(0, 1, 4)), obstacles=2)
+    assert Scenario(maze=other(obstacle_counts=(0, 1, 4)), obstacles=1).obstacles == 1
 
 
 def test_mazes_are_compared_by_what_they_hold():

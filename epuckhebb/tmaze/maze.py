@@ -75,9 +75,9 @@ class Maze:
     """A maze.
 
     walls, obstacles: boxes by name; a scenario has the first few obstacles. obstacle_counts: how many a scenario may
-    have. niches: where random layouts put obstacles. start: of the robot. goals: of each side. goal_radius_m: the robot
-    is at the goal when nearer than this. arms: of each side, the region in which the robot has turned the right way.
-    arena_m: half side; a robot farther from the middle is lost.
+    have, all among them. niches: where random layouts put obstacles. start: of the robot. goals: of each side.
+    goal_radius_m: the robot is at the goal when nearer than this. arms: of each side, the region in which the robot has
+    turned the right way. arena_m: half side; a robot farther from the middle is lost.
     wall_height_m: for three-dimensional physics.
     """
 
@@ -102,6 +102,11 @@ class Maze:
         for name, place in {"start": self.start, **{f"goals.{side}": self.goals[side] for side in SIDES}}.items():
             check_value(f"maze.{name}", place[:2], arena)
         check_value("maze.obstacle_counts", self.obstacle_counts, Range(0, len(self.obstacles)))
+        if max(self.obstacle_counts, default=0) < len(self.obstacles):
+            raise ValueError(
+                f"maze.obstacle_counts must go up to {len(self.obstacles)}, or some of maze.obstacles never stand; the "
+                f"first of {', '.join(self.obstacles)} do; got {list(self.obstacle_counts)}"
+            )
         for number, niche in enumerate(self.niches):
             if niche.along not in ("x", "y") or not niche.walls[0] < niche.walls[1]:
                 raise ValueError(f"maze.niches[{number}] must run along x or y between two walls, the lower one first")
