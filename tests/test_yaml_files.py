@@ -34,6 +34,9 @@ REFUSED = {
     "defaults: 5\n": "scenario/mine",
     "defaults: [{1: base}]\n": "scenario=mine",
     "defaults: [{a: {b: c}}]\n": "scenario=mine",
+    "defaults: [_self_, base]\nlight: 0.05\n": "mine.yaml, line 1: base comes after _self_",
+    "defaults: [base, _self_]\nsun_turn_deg: 1:30\n": "mine.yaml, line 2: YAML reads 1:30 as 90",
+    "defaults: [base, _self_]\ndead_sensors:\n  - 07\n": "mine.yaml, line 3: YAML reads 07 as 7",
     "defaults: [mine, _self_]\n": "defaults lead back to itself",
     "defaults: [{/scenario: other}]\n": "defaults lead back to itself",
 }
@@ -64,6 +67,19 @@ def test_the_folder_of_the_user_is_not_walked():
     began = time.process_time()
     assert composed("evaluate", [], "/").changed == ""
     assert time.process_time() - began < 5
+
+
+def test_what_does_not_mean_what_it_says_is_refused_wherever_it_is_used_and_only_there(mine):
+    mine("defaults: [base, _self_]\nlight: 0:1\n", "scenario/inner.yaml")
+    mine("defaults: [inner, _self_]\n")
+    mine("seed: 010\n", "other.yaml")
+    assert "inner.yaml, line 2: YAML reads 0:1 as 1" in refused("evaluate", "scenario=mine", *QUICK)
+    mine("defaults: [_self_, base, {/robot: epuck_lidar}, override /hebbian: none]\n")
+    assert composed("evaluate", ["scenario=mine"], "conf").scenario.light == 0.1
+    main = (data_folder("conf") / "evaluate.yaml").read_text()
+    mine(main.replace("  - schema_evaluate\n", "  - schema_evaluate\n  - _self_\n").replace("  - _self_\n  - exp", "  - exp"))
+    mine(main.replace("  - _self_\n", "").replace("_evaluate\n", "_evaluate\n  - _self_\n"), "evaluate.yaml")
+    assert "evaluate.yaml, line" in refused("evaluate", *QUICK)
 
 
 def test_a_file_that_only_a_comparison_names_is_checked_too(mine):

@@ -66,7 +66,10 @@ def by_hydra(command: str, overrides: list[str], config_dir: str | None) -> Comp
         raise ConfigError(f"{words}{explain(error)}") from error
     with flag_override(cfg, ["struct", "readonly"], [False, False]):
         hydra = cfg.pop("hydra")
-    return Composed(cfg, hydra, choices_of(hydra.runtime))
+    choices = choices_of(hydra.runtime)
+    for group, choice in {".": command, **choices}.items() if config_dir else ():
+        yaml_file.check_meaning(Path(str(config_dir), group, f"{choice}.yaml"))
+    return Composed(cfg, hydra, choices)
 
 
 @functools.lru_cache(maxsize=256)

@@ -1,5 +1,7 @@
 """YAML files of the user's and of runs: what is no plain setting in one is refused, with its name and line."""
 
+import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +12,14 @@ from epuckhebb.config.errors import line_of
 from epuckhebb.runtime import ConfigError
 
 _MOST_NODES = 100_000  # that the aliases of a file may stand for
+_OTHER_BASE = re.compile(r"[-+]?0[\d_]+|.*:.*")  # a plain number that YAML reads in base 8 or 60
+_SUSPECT = re.compile(r"(?<![\w.+-])[-+]?0\d|\d:\d|_self_")  # what a file without this need not be searched for
 
 
 def load(path: Path) -> dict[str, Any]:
     """The settings in a file, as they stand there."""
     check_aliases(path)
+    check_meaning(path)
     try:
         values = OmegaConf.to_container(OmegaConf.create(path.read_text(encoding="utf-8")))
     except OSError as error:
@@ -51,3 +56,47 @@ def check_aliases(path: Path) -> None:
 
     if root is not None and size(root) > _MOST_NODES:
         raise ConfigError(f"{path}: its aliases stand for more than {_MOST_NODES:,} values, or for themselves")
+
+
+def check_meaning(path: Path) -> None:
+    """Refuse a file that does not mean what it says, and such files of its folder in its defaults.
+
+    YAML reads 010 as 8 and 1:30 as 90. Defaults that come after `_self_` replace the file's own values.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+        root = yaml.compose(text, Loader=yaml.SafeLoader) if _SUSPECT.search(text) else None
+    except (OSError, ValueError, RecursionError, yaml.YAMLError):
+        return
+    for node in _scalars(root):
+        if node.style is None and node.tag.endswith((":int", ":float")) and _OTHER_BASE.fullmatch(node.value):
+            number = yaml.safe_load(node.value)
+            raise ConfigError(
+                f"{path}, line {node.start_mark.line + 1}: YAML reads {node.value} as {number:g}; write {number:g}, or, if "
+                f"it is a text, '{node.value}'"
+            )
+    values = {key.value: value for key, value in root.value} if isinstance(root, yaml.MappingNode) else {}
+    defaults = values.pop("defaults", None)
+    after_values = False
+    for entry in defaults.value if isinstance(defaults, yaml.SequenceNode) else ():
+        name, *_ = (node.value for node in _scalars(entry))
+        if name == "_self_":
+            after_values = True
+            continue
+        if isinstance(entry, yaml.ScalarNode):
+            check_meaning(path.with_name(f"{name}.yaml"))
+        replaces = isinstance(entry, yaml.ScalarNode) or re.split(r"[ /.@]", name)[-1] in {*values, "_here_", "_global_"}
+        if after_values and values and replaces and not name.startswith("override "):
+            raise ConfigError(
+                f"{path}, line {entry.start_mark.line + 1}: {name} comes after _self_, so it replaces values of this "
+                "file; put _self_ last in defaults"
+            )
+
+
+def _scalars(node: yaml.Node | None) -> Iterator[yaml.ScalarNode]:
+    """The single values, and the keys, in a node."""
+    if isinstance(node, yaml.ScalarNode):
+        yield node
+    for item in node.value if isinstance(node, yaml.CollectionNode) else ():
+        for one in item if isinstance(item, tuple) else (item,):
+            yield from _scalars(one)
