@@ -69,17 +69,17 @@ def test_the_folder_of_the_user_is_not_walked():
     assert time.process_time() - began < 5
 
 
-def test_what_does_not_mean_what_it_says_is_refused_wherever_it_is_used_and_only_there(mine):
-    mine("defaults: [base, _self_]\nlight: 0:1\n", "scenario/inner.yaml")
-    mine("defaults: [inner, _self_]\n")
+def test_what_does_not_mean_what_it_says_is_refused_where_it_is_used(mine):
+    mine("defaults: [base, _self_]\nsun_turn_deg: 1:1\n", "scenario/inner.yaml")
+    mine("defaults: [inner]\n")
     mine("seed: 010\n", "other.yaml")
-    assert "inner.yaml, line 2: YAML reads 0:1 as 1" in refused("evaluate", "scenario=mine", *QUICK)
-    mine("defaults: [_self_, base, {/robot: epuck_lidar}, override /hebbian: none]\n")
+    assert "inner.yaml, line 2: YAML reads 1:1 as 61" in refused("evaluate", "scenario=mine", *QUICK)
+    mine("defaults: [_self_, base]\n")  # there is no value to replace
     assert composed("evaluate", ["scenario=mine"], "conf").scenario.light == 0.1
-    main = (data_folder("conf") / "evaluate.yaml").read_text()
-    mine(main.replace("  - schema_evaluate\n", "  - schema_evaluate\n  - _self_\n").replace("  - _self_\n  - exp", "  - exp"))
-    mine(main.replace("  - _self_\n", "").replace("_evaluate\n", "_evaluate\n  - _self_\n"), "evaluate.yaml")
-    assert "evaluate.yaml, line" in refused("evaluate", *QUICK)
+    main = (data_folder("conf") / "evaluate.yaml").read_text().replace("  - _self_\n", "")
+    early = main.replace("  - maze:", "  - _self_\n  - maze:", 1)
+    mine(f"{early}scenario: {{light: 0.2}}\n", "evaluate.yaml")
+    assert "scenario comes after _self_" in refused("evaluate", *QUICK)
 
 
 def test_a_file_that_only_a_comparison_names_is_checked_too(mine):

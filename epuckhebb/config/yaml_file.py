@@ -13,7 +13,7 @@ from epuckhebb.runtime import ConfigError
 
 _MOST_NODES = 100_000  # that the aliases of a file may stand for
 _OTHER_BASE = re.compile(r"[-+]?0[\d_]+|.*:.*")  # a plain number that YAML reads in base 8 or 60
-_SUSPECT = re.compile(r"(?<![\w.+-])[-+]?0\d|\d:\d|_self_")  # what a file without this need not be searched for
+_SUSPECT = re.compile(r"(?<![\w.+-])[-+]?0\d|\d:\d|defaults:")  # what a file without this need not be searched for
 
 
 def load(path: Path) -> dict[str, Any]:
@@ -85,7 +85,11 @@ def check_meaning(path: Path) -> None:
             continue
         if isinstance(entry, yaml.ScalarNode):
             check_meaning(path.with_name(f"{name}.yaml"))
-        replaces = isinstance(entry, yaml.ScalarNode) or re.split(r"[ /.@]", name)[-1] in {*values, "_here_", "_global_"}
+        replaces = isinstance(entry, yaml.ScalarNode) or re.split(r"[ /.@]", name)[-1] in {
+            *values,
+            "_here_",
+            "_global_",
+        }
         if after_values and values and replaces and not name.startswith("override "):
             raise ConfigError(
                 f"{path}, line {entry.start_mark.line + 1}: {name} comes after _self_, so it replaces values of this "
