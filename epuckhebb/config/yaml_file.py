@@ -72,8 +72,8 @@ def check_meaning(path: Path) -> None:
         if node.style is None and node.tag.endswith((":int", ":float")) and _OTHER_BASE.fullmatch(node.value):
             number = yaml.safe_load(node.value)
             raise ConfigError(
-                f"{path}, line {node.start_mark.line + 1}: YAML reads {node.value} as {number:g}; write {number:g}, or, if "
-                f"it is a text, '{node.value}'"
+                f"{path}, line {node.start_mark.line + 1}: YAML reads {node.value} as {number:g}; write {number:g}, "
+                f"or, if it is a text, '{node.value}'"
             )
     values = {key.value: value for key, value in root.value} if isinstance(root, yaml.MappingNode) else {}
     defaults = values.pop("defaults", None)
