@@ -14,7 +14,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from epuckhebb.config import EvolveConfig, check_library, load, quoted
+from epuckhebb.config import EvolveConfig, check_library, load, overrides_of
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import kernel
 from epuckhebb.controller.forward_pass import forward_pass
@@ -53,10 +53,13 @@ class TMaze(gymnasium.Env[Floats, Floats]):
         side: Side | None = None,
         overrides: Sequence[str] = (),
         config_dir: str | Path | None = None,
+        render_mode: None = None,
     ) -> None:
+        if render_mode is not None:
+            raise ConfigError(f"render_mode must be None: nothing is drawn here, got {render_mode!r}")
         if reward not in REWARDS:
             raise ConfigError(f"reward must be one of {', '.join(REWARDS)}, got {reward!r}")
-        words = [f"scenario={quoted(scenario)}", "hebbian=none", *overrides]
+        words = overrides_of(overrides, {"scenario": scenario, "hebbian": "none"})
         config = load(EvolveConfig, words, None if config_dir is None else str(config_dir))
         self.world, self.lifetime, self.reward, self.side = config.world, config.lifetime, reward, side
         check_library(self.world)
@@ -66,6 +69,18 @@ class TMaze(gymnasium.Env[Floats, Floats]):
         self.observation_space = gymnasium.spaces.Box(lowest, np.ones(self.world.inputs), dtype=np.float64)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (OUTPUTS,), np.float64)
         self._simulator = Simulator(self.world, self.lifetime, NO_RULE)
+        self._session: Session | None = None
+
+    def __reduce__(self) -> Any:
+        """Say why it cannot be copied, nor pickled."""
+        raise TypeError("the physics of an environment cannot be copied; make another one, and reset it with one seed")
+
+    @property
+    def session(self) -> Session:
+        """The lifetime of this episode."""
+        if self._session is None:
+            raise gymnasium.error.ResetNeeded("call reset() before the first step()")
+        return self._session
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Floats, dict[str, Any]]:
         """Begin a lifetime.
@@ -84,7 +99,7 @@ class TMaze(gymnasium.Env[Floats, Floats]):
             network=self.network,
             task_key=int(number),
         )
-        self.session = Session(individual, self.world, self.lifetime, simulator=self._simulator)
+        self._session = Session(individual, self.world, self.lifetime, simulator=self._simulator)
         x, y, _ = self.session.pose
         goal = self.world.goals_now[individual.side]
         self._rewarded, self._distance = 0.0, float(np.hypot(x - goal.x, y - goal.y))

@@ -28,10 +28,15 @@ FILES = {
     "unknown.py": RULE.format(asked="prae, post", given="prae"),
     "text.txt": "x = 1\n",
     "text.npz": "not a genome",
+    "genes.csv": "0.1,0.2",
     "conf/scenario/misspelt.yaml": "ligth: 0.03\n",
     "conf/scenario/in_words.yaml": "light: dim\n",
     "conf/scenario/from_none.yaml": "defaults: [2obstacle, _self_]\nlight: 0.1\n",
     "conf/scenario/too_deep.yaml": "scenario:\n  light: 0.1\n",
+    "conf/scenario/number.yaml": "42\n",
+    "conf/scenario/dotted.yaml": "lamp.x_m: 0.2\n",
+    "conf/scenario/short_end.yml": "light: 0.1\n",
+    "conf/scenario/large_end.YAML": "light: 0.1\n",
     "conf/experiment/no_package.yaml": "hydra:\n  sweeper:\n    params:\n      hebbian.N: 1e-5,1e-4\n",
     "conf/experiment/alone.yaml": "# @package _global_\nseed: 3\n",
     "empty/notes.txt": "dear",
@@ -51,6 +56,10 @@ evaluate +hebian.N=0.9                                  | hebbian
 evaluate +hebbian.trace_decya=1                         | trace_decay
 evaluate N=0.1                                          | key N
 evaluate rule=oja                                       | key rule
+evaluate +experiment=n_sweep                            | +experiment=n_sweep | without +
+evolve ga.pop=3                                         | ga.pop | ga.population
+evaluate robot.moter_limit_rad_s=3                      | robot.moter_limit_rad_s | motor_limit_rad_s
+evaluate ~maze.lamp                                     | maze.lamp.x_m, which is missing
 evaluate network=ctrnn                                  | network=ctrnn
 evaluate compare=late                                   | compare=late
 evaluate adaptation=[late,novelty]                      | adaptation | novelty
@@ -68,6 +77,8 @@ reproduce sound                                         | sound | light, obstacl
 sweep nope                                              | nope | n_sweep
 sweep light scenario=nope                               | scenario/nope | 4obstacles
 keys hebian                                             | hebbian
+keys scenario --search lamp                             | --search
+keys --search nosuchword                                | nosuchword
 # keys of another verb, and what does nothing
 evaluate training.light=1                               | training.light
 evolve adaptation=late                                  | adaptation
@@ -91,6 +102,10 @@ evolve task.trials=3                                    | task.trials | task tri
 # values
 evaluate hebbian.N=fast                                 | hebbian.N | fast
 evaluate hebbian.N=-1                                   | hebbian.N | -1
+evaluate scenario.light=1e308                           | scenario.light | 1e308
+evaluate scenario.lamp.intensity=1e308                  | scenario.lamp.intensity
+evaluate scenario.second_lamp=[0,0,1e308]               | scenario.second_lamp
+evaluate robot.motor_limit_rad_s=0.5                    | lifetime.gain_rad_s | robot.motor_limit_rad_s
 evaluate hebbian.N=0,002                                | hebbian.N=0,002 | -m
 evaluate scenario.obstacles=2.5                         | scenario.obstacles | 2.5
 evaluate repeats=0                                      | repeats
@@ -151,6 +166,11 @@ evaluate genome=nowhere.npz                             | nowhere.npz | referenc
 evaluate genome=short.npy                               | 234 | 227
 evaluate genome=nan.npy                                 | finite
 evaluate genome=text.npz                                | text.npz
+evaluate genome=genes.csv                               | genes.csv | numpy.save
+show genes.csv                                          | genes.csv
+evaluate 'genome=grün(1).npy'                           | there is no file grün(1).npy
+evaluate genome=a,b&c.npy                               | several values
+sweep light 'genome=a=b.npy'                            | there is no file a=b.npy
 evaluate genome=layers.npz                              | layers.npz | 152
 evaluate genome=empty                                   | genome=empty | champion.npz
 evaluate genome=reference_77                            | reference_77
@@ -178,6 +198,10 @@ evaluate scenario=misspelt --config-dir=conf            | scenario/misspelt | li
 evaluate scenario=in_words --config-dir=conf            | scenario/in_words | scenario.light
 evaluate scenario=from_none --config-dir=conf           | scenario/from_none | 2obstacle
 evaluate scenario=too_deep --config-dir=conf            | scenario/too_deep | scenario.scenario
+evaluate scenario=number --config-dir=conf              | conf/scenario/number.yaml | 42
+evaluate scenario=dotted --config-dir=conf              | scenario/dotted | lamp: {{x_m: ...}}
+evaluate scenario=short_end --config-dir=conf           | short_end.yml | .yaml
+evaluate scenario=large_end --config-dir=conf           | large_end.YAML | .yaml
 sweep no_package --config-dir=conf                      | experiment/no_package | experiment
 sweep alone --config-dir=conf                           | alone | evaluate
 # files of the user's: rules
@@ -266,3 +290,9 @@ def test_a_launcher_that_is_not_installed_is_told_with_what_installs_it(plugin, 
     """Also where a launcher of ours, with a name of its own, begins with that of the plug-in."""
     error = ValueError(f"In 'hydra/launcher/mine': Could not load 'hydra/launcher/{plugin}'.")
     assert f"epuckhebb[{extra}]" in explain(error)
+
+
+def test_a_link_to_nothing_in_place_of_runs_is_named(here):
+    (here / "runs").symlink_to(here / "nowhere")
+    for words in (["evaluate", "lifetime.duration_s=2"], ["sweep", "light", "repeats=1"]):
+        assert f"runs is a link to {here / 'nowhere'}" in refused(*words)

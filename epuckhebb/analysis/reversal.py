@@ -33,7 +33,7 @@ def readable(table: pd.DataFrame, title: str = "") -> Table:
     """The table to read."""
     rows = []
     for row in table.itertuples():
-        interval = "" if pd.isna(row.low) else f"{row.low:.3f} to {row.high:.3f}"
+        interval = "" if pd.isna(row.low) else f"[{row.low:.3f}, {row.high:.3f}]"
         ends = "" if pd.isna(row.end_share) else f"{row.end_share:.3f}"
         count = "" if pd.isna(row.lifetimes) else f"{row.lifetimes:.0f}"
         rows.append([str(row.controller), f"{row.rewarded_share:.3f}", interval, ends, count])

@@ -182,7 +182,7 @@ def _success_table(summary: pd.DataFrame, of: str, interval_is: str) -> list[Tab
         value = f"{row[_REWARDED]:.3f}" if rewarded else f"{row['success']:.2f}"
         if has_interval:
             name, form = (_REWARDED, ".3f") if rewarded else ("success", ".2f")
-            value += f" ({row[f'{name}_low']:{form}}–{row[f'{name}_high']:{form}})"
+            value += f" [{row[f'{name}_low']:{form}}, {row[f'{name}_high']:{form}}]"
         rows.setdefault(place, {})[row["side"]] = value + ("" if same else f" of {row['n']}")
     facts = [of.format(summary.n.iloc[0])] if same else []
     facts += [f"95 % interval{interval_is}"] if has_interval else []

@@ -93,8 +93,6 @@ def evaluate(
     loaded = None  # the one that the settings name
     if not isinstance(genome, str | Path):
         genes = genome.champion if isinstance(genome, Evolution) else genome
-        if not isinstance(genes, np.ndarray | list | tuple):
-            raise ConfigError(f"genome must be genes (an array), or where a champion is, got {type(genome).__name__}")
         network, robot, array = network_for(config.world, config.shape), config.world.robot, np.asarray(genes)
         plans = [plan_of(network), *(plan_of(network, type(controller.rule)) for controller in config.controllers)]
         plan = next((plan for plan in plans if array.shape == (plan.genes,)), plans[0])

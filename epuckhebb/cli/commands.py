@@ -98,7 +98,12 @@ def replay(
 @app.command(cls=Command)
 def figure(
     run: Run,
-    name: Annotated[str, typer.Argument(metavar="[NAME]", help="Of the figure; without it, their names.")] = "",
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="[NAME]", help="Of the figure; without it, their names.", autocompletion=completion.complete_figure
+        ),
+    ] = "",
     kind: Annotated[str, typer.Option("--format", "-f", metavar="png|svg|pdf", help="Of the file.")] = "png",
     width: Annotated[
         float | None,
@@ -196,7 +201,7 @@ def flock(
     from epuckhebb.studies.flock import plan
 
     check_config_dir(options.config_dir)
-    run_study(plan(overrides or [], quick=quick, config_dir=options.config_dir), options)
+    run_study(plan(with_genomes_named(overrides), quick=quick, config_dir=options.config_dir), options)
 
 
 @app.command(cls=Command)
@@ -245,11 +250,14 @@ def keys(
             metavar="GROUP", help="A group or a command.  [all commands]", autocompletion=completion.complete_group
         ),
     ] = None,
+    search: Annotated[str | None, typer.Option("--search", metavar="WORD", help="The lines with a word alone.")] = None,
 ) -> None:
     """Every key, its default, what it is, and choices of groups."""
-    from epuckhebb.cli.keys import keys_text
+    from epuckhebb.cli.keys import keys_text, lines_with
 
-    typer.echo(keys_text(group))
+    if group and search:
+        raise ConfigError("keys takes a GROUP or --search WORD, not both")
+    typer.echo(lines_with(search) if search else keys_text(group))
 
 
 @app.command(cls=Command)

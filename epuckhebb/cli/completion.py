@@ -1,15 +1,24 @@
 """Completes choices and sweeps for the Tab key. A shell waits for it, so it imports nothing heavy."""
 
 import os
+import re
 import shlex
+from pathlib import Path
+
+import typer
 
 from epuckhebb.cli.keys import known
-from epuckhebb.runtime import conf
+from epuckhebb.runtime import REFERENCE, conf, data_folder
+
+_OF_GENOMES = ("evaluate", "evolve", "sweep", "play", "reproduce")  # commands with a key `genome`
 
 
 def complete_override(command: str, incomplete: str) -> list[str]:
-    """Completions of an override: the choices of the groups of a command."""
+    """Completions of an override: the choices of the groups of a command, and the bundled champions."""
     groups = {"methods" if group == "method" else group: choices for group, choices in conf.groups(command).items()}
+    if command in _OF_GENOMES:
+        files = sorted((data_folder("runs/reference") / "champions").glob("light_*.npz"))
+        groups["genome"] = [REFERENCE, *(re.sub("light_(.*)seed0*", rf"{REFERENCE}_\1", file.stem) for file in files)]
     word, is_split = _override(incomplete)
     found = [
         offer for key, choices in groups.items() for offer in _starting(word, *(f"{key}={one}" for one in choices))
@@ -20,6 +29,12 @@ def complete_override(command: str, incomplete: str) -> list[str]:
 def complete_sweep(incomplete: str) -> list[str]:
     """Completions of the name of a sweep."""
     return _starting(incomplete, *conf.groups("sweep")["experiment"])
+
+
+def complete_figure(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Completions of the name of a figure: those that the run has drawn."""
+    drawn = Path(ctx.params["run"]).glob("figures/*")
+    return _starting(incomplete, *sorted({file.stem for file in drawn}))
 
 
 def complete_group(incomplete: str) -> list[str]:

@@ -13,7 +13,9 @@ from epuckhebb.runtime import discard
 
 _GAP = 2  # characters between the columns of a table
 _LEAST = 10  # characters that a column of text needs
-_HEADING = 8  # characters of a heading's line above narrower figures
+_HEADING = 8  # characters of a heading's line above narrower figures, where there is no room for it whole
+_NARROWEST = 40  # characters of a terminal for which lines are broken
+_USUAL, _UNBROKEN = 80, 10_000  # characters where the width is unknown, and where it is too small
 
 
 class Terminal(Console):
@@ -22,6 +24,8 @@ class Terminal(Console):
     def __init__(self, *, stderr: bool = False) -> None:
         """Write names as they are: nothing in them is an emoji. A notebook gets the lines that a file would get."""
         super().__init__(stderr=stderr, highlight=not stderr, emoji=False, force_jupyter=False)
+        if self.width < _NARROWEST:
+            self.width = _UNBROKEN if self.width > 0 else _USUAL
 
     def on_broken_pipe(self) -> None:
         """Say nothing more: nobody reads it, and what was to be done is done."""
@@ -31,6 +35,11 @@ class Terminal(Console):
 def print_line(console: Console, text: str) -> None:
     """Print a line as it is, however long, so that it can be copied."""
     console.print(text, markup=False, highlight=False, soft_wrap=True)
+
+
+def print_text(console: Console, text: Text) -> None:
+    """Print a text in lines no longer than the terminal; a word that is longer, such as a path, stays whole."""
+    console.print(text, overflow="ignore", crop=False)
 
 
 def print_table(
@@ -47,7 +56,10 @@ def print_table(
             the right, and stay whole where the text has room beside them.
     """
     written = [[str(cell) for cell in row] for row in rows]
-    widths = [max([_HEADING, *(cell_len(row[k]) for row in written)]) for k in range(len(headings))]
+    cells = [max((cell_len(row[k]) for row in written), default=0) for k in range(len(headings))]
+    widths = [max(cell_len(heading), cell) for heading, cell in zip(headings, cells, strict=True)]
+    if sum(width + _GAP for width in widths) > console.width:
+        widths = [max(_HEADING, cell) for cell in cells]
     whole = console.width - sum(width + _GAP for width in widths[text:]) >= text * _LEAST
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))
     for number, heading in enumerate(headings):
@@ -59,5 +71,5 @@ def print_table(
     for row in written:
         table.add_row(*map(Text, row))
     if title:
-        console.print(Text(title, style="bold"))
+        print_text(console, Text(title, style="bold"))
     console.print(table)

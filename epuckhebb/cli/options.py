@@ -53,7 +53,7 @@ _EXAMPLES = {
     "flock": ["--quick", "flock=live_fitness flock.breaks=knower"],
     "sweep": ["light", "n_sweep genome=runs/evolve/RUN --dry-run", "my_studies.py:Mine repeats=5"],
     "show": ["", "latest", "reference_7"],
-    "keys": ["scenario", "evolve"],
+    "keys": ["scenario", "evolve", "--search lamp"],
     "export": ["runs/evaluate/RUN --webots", "reference_7 --webots --output controllers/genes_only"],
     "rerun": ["latest"],
 }
@@ -145,12 +145,12 @@ def with_genomes_named(overrides: list[str] | None) -> list[str]:
     """Overrides in which the folder of the latest evolution stands in place of `genome=latest` and `resume=latest`.
 
     A run then notes which evolution it used, whatever evolves later. `genome=reference_1,...,reference_20` gets the
-    names between.
+    names between. Paths and names that Hydra cannot read get quotes.
     """
-    from epuckhebb.config import quoted
+    from epuckhebb.config import quoted, readable
     from epuckhebb.store import resolve_run
 
-    words = list(overrides or [])
+    words = readable(overrides or [])
     for place, word in enumerate(words):
         key, _, value = word.partition("=")
         if key == "genome" and (ends := _FROM_TO.search(value)):

@@ -10,7 +10,7 @@ from rich.text import Text
 from epuckhebb.analysis import tables
 from epuckhebb.analysis.evaluate import Rows
 from epuckhebb.analysis.tables import unmarked
-from epuckhebb.cli.console import print_line, print_table
+from epuckhebb.cli.console import print_line, print_table, print_text
 from epuckhebb.store import Run
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ def print_evaluation(run: Run, console: Console) -> None:
     if run.has("reversal.csv"):
         rows: list[tuple[str, ...]] = []
         for row in run.rows("reversal.csv"):
-            interval = "" if row["low"] is None else f"{row['low']:.3f}–{row['high']:.3f}"
+            interval = "" if row["low"] is None else f"[{row['low']:.3f}, {row['high']:.3f}]"
             rows.append((row["controller"], f"{row['rewarded_share']:.3f}", interval))
         print_table(console, _title(metrics), ("controller", "rewarded share", "95 % interval"), rows)
     else:
@@ -39,7 +39,7 @@ def print_evaluation(run: Run, console: Console) -> None:
             of = f"{drove_on} of {len(metrics)} lifetimes"
             print_line(console, f"{of} reached the goal and drove on; success counts at the end.")
     for note in below:
-        console.print(Text(note))
+        print_text(console, Text(note))
 
 
 def print_evolution(run: Run, console: Console) -> None:

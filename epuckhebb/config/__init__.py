@@ -22,6 +22,7 @@ from epuckhebb.config.overrides import (
     check_words,
     overrides_of,
     quoted,
+    readable,
     typed_as,
     value_of,
     value_text,

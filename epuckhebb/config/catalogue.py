@@ -62,6 +62,8 @@ def by_hydra(command: str, overrides: list[str], config_dir: str | None) -> Comp
     except ConfigError:
         raise
     except Exception as error:  # what damaged files may raise has no end
+        if config_dir is not None:
+            _check_chosen(overrides, Path(config_dir))
         words = f"{' '.join(overrides)}: " if overrides else ""
         raise ConfigError(f"{words}{explain(error)}") from error
     with flag_override(cfg, ["struct", "readonly"], [False, False]):
@@ -136,6 +138,16 @@ def _store(command: str, folder: Path | None) -> None:
 def _files(folder: Path, group: str) -> Iterator[Path]:
     """The files of a group in the user's folder."""
     yield from sorted((folder / group).glob("*.yaml"))
+
+
+def _check_chosen(overrides: list[str], folder: Path) -> None:
+    """Refuse files of the user's, chosen by overrides, that Hydra does not see, or that hold no keys."""
+    for group, _, name in (override.partition("=") for override in overrides):
+        for file in (folder / group).glob("*"):
+            if file.stem == name and file.suffix.lower() in (".yaml", ".yml"):
+                if file.suffix != ".yaml":
+                    raise ConfigError(f"{group}={name}: {file} must end in .yaml; rename it")
+                yaml_file.load(file)
 
 
 def _refuse_environment(*_: Any, _node_: Any) -> None:

@@ -28,6 +28,8 @@ def explain(error: BaseException) -> str:
     message = " ".join(lines) or type(error).__name__
     if keys and keys[0] not in message:
         message = f"{keys[0]}: {message}"
+    message = re.sub("Interpolation key '(.+)' not found", r"it refers to \1, which is missing", message)
+    message = re.sub(r"Key '(\w+)\.(\S+)' not in .*", r"in YAML, \1.\2 is written \1: {\2: ...}", message)
     launcher = re.search(rf"'hydra/launcher/({'|'.join(_EXTRAS)})(_\w+)?'", message)
     if launcher:
         message = message.removesuffix(".")

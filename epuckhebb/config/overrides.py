@@ -39,7 +39,28 @@ def parsed(words: Iterable[str]) -> list[Override]:
         return list(OverridesParser.create().parse_overrides(words))
     except HydraException as error:
         given = str(getattr(error, "override", error))
-        raise ConfigError(f"{given} cannot be read; settings are written KEY=VALUE, without spaces") from error
+        raise ConfigError(
+            f"{given} cannot be read; a setting is KEY=VALUE, and a text in a list needs quotes: 'KEY=[\"TEXT\"]'"
+        ) from error
+
+
+def readable(words: Iterable[Any]) -> list[str]:
+    """Overrides in which a path or a name that Hydra cannot read, as one with an umlaut, stands in quotes.
+
+    A comma separates values there, too. Lists, mappings and what begins with a quote stay as they are.
+    """
+    return list(map(_readable, words))
+
+
+def _readable(word: str) -> str:
+    key, _, value = word.partition("=")
+    if not value or word.startswith("-") or value[0] in "[{'\"":
+        return word
+    try:
+        parsed([word])
+    except ConfigError:
+        return f"{key}={','.join(map(quoted, value.split(',')))}"
+    return word
 
 
 def check_words(command: str, words: Sequence[str], *, several: bool = False) -> None:
@@ -56,6 +77,8 @@ def check_words(command: str, words: Sequence[str], *, several: bool = False) ->
             isinstance(value, ChoiceSweep) and any(isinstance(one, Sweep | Glob) for one in value.list)
         ):
             raise ConfigError(f"{line}: ranges and patterns do not go into a list of values; give one range, or values")
+        if override.is_add() and key in choices:
+            raise ConfigError(f"{line}: a choice of {key} is written without +")
         if key not in known and key not in choices and not key.startswith(("hydra.", "hydra/", *_BELOW)):
             raise ConfigError(f"there is no key {key} of `epuckhebb {command}`{did_you_mean(key, known)}")
 
@@ -139,7 +162,7 @@ def overrides_of(overrides: Sequence[Any], keys: Mapping[str, Any]) -> list[str]
         if not isinstance(override, str) or "=" not in override:
             raise ConfigError(f"overrides are texts such as 'scenario=4obstacles', or keywords; got {override!r}")
     words = [word for key, value in keys.items() for word in _overrides_of_keyword(key, value)]
-    return [*words, *overrides]
+    return [*words, *readable(overrides)]
 
 
 def _overrides_of_keyword(key: str, value: Any) -> Iterator[str]:

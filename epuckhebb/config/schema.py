@@ -214,7 +214,7 @@ OPEN = (*_GROUPS, "scenario.goals", "flock.own")
 def structured(command: str) -> DictConfig:
     """The schema of a command, into which Hydra merges the files. Making one takes longer than composing."""
     node: DictConfig = OmegaConf.structured(SCHEMAS[command])
-    for key in ("hebbian", "compare", "change", "network", "optimizer", "task", "fitness", "physics"):
+    for key in _GROUPS:
         if key in node:
             OmegaConf.set_struct(node[key], False)  # Hydra takes any key below them, without a +
     if command == "flock":

@@ -75,7 +75,7 @@ def check(
     prepare: a function that raises `ConfigError` if a checked configuration cannot be run.
     """
     if not multirun:
-        named = [override for override in overrides if override.lstrip("+").startswith("experiment=")]
+        named = [override for override in overrides if override.startswith("experiment=")]
         if named and swept_values(overrides, config_dir):
             raise ConfigError(f"{named[-1]} has many jobs: run `epuckhebb sweep {named[-1].partition('=')[2]}`")
         return
@@ -155,10 +155,30 @@ def _job_of_hydra(command: str, job: Callable[[Job], None], cfg: DictConfig) -> 
         raise
 
 
+def _do(task: Callable[[Any], None], errors: list[Exception], parent: int, cfg: Any) -> None:
+    """Do a job. Its error goes into a list if that is in this process: Hydra would print a line about it."""
+    try:
+        task(cfg)
+    except (ConfigError, JobFailedError) as error:
+        if os.getpid() != parent:
+            raise
+        errors.append(error)
+
+
+def _begun(arguments: list[str]) -> set[Path]:
+    """What jobs of a multirun have in its folder as soon as they begin, or as SLURM has them."""
+    folder = next((Path(value_of(word)) for word in reversed(arguments) if word.startswith(SWEEP_DIR)), Path())
+    return {path for one in ("*/.hydra", "*/*/.hydra", ".submitit/[0-9]*/") for path in folder.glob(one)}
+
+
 def call(command: str, task: Callable[[Any], None], arguments: list[str], config_dir: str | None = None) -> None:
     """Call Hydra as its own command line would; see `run`. task: is given each configuration that Hydra composed."""
-    entry = hydra.main(config_path=str(data_folder("conf")), config_name=command, version_base=VERSION_BASE)(task)
+    errors: list[Exception] = []
+    entry = hydra.main(config_path=str(data_folder("conf")), config_name=command, version_base=VERSION_BASE)(
+        functools.partial(_do, task, errors, os.getpid())
+    )
     workers = _workers_of_ours() if "--multirun" in arguments else nullcontext()
+    before = _begun(arguments)
     with catalogue(command, config_dir), _as_command_line(command, arguments), workers:
         try:
             entry()
@@ -167,7 +187,12 @@ def call(command: str, task: Callable[[Any], None], arguments: list[str], config
         except Exception as error:
             if "--multirun" not in arguments or isinstance(error, HydraException | OmegaConfBaseException):
                 raise ConfigError(explain(error)) from error
-            raise JobFailedError(f"the launcher stopped: {type(error).__name__}: {error}") from error  # not a job
+            why = f"{type(error).__name__}: {error}"  # of the launcher, not of a job
+            if _begun(arguments) == before:
+                raise ConfigError(f"nothing was submitted: {why}") from error
+            raise JobFailedError(f"the launcher stopped: {why}") from error
+    if errors:
+        raise errors[0]
 
 
 @contextmanager

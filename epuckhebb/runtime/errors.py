@@ -29,7 +29,8 @@ class JobFailedError(RuntimeError):
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """A question to put behind a message about an unknown name; nothing if no known name is like it."""
     as_written = {one.lower(): one for one in known}
-    near = difflib.get_close_matches(name.lower(), as_written, n=1)
+    begun = [one for one in as_written if one.startswith(name.lower())]
+    near = begun or difflib.get_close_matches(name.lower(), as_written, n=1)
     return f". Did you mean {as_written[near[0]]}?" if near else ""
 
 

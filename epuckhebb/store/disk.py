@@ -17,6 +17,7 @@ from epuckhebb.runtime import ConfigError
 CHAMPION, CHECKPOINT, TRACES = "champion.npz", "checkpoint.npz", "traces.npz"
 SCHEMA = 2  # of provenance.json and status.json
 STATUS, PROVENANCE = "status.json", "provenance.json"
+_NUMPY = (b"\x93NUMPY", b"PK")  # how a .npy and a .npz file begin
 OVERRIDES, CONFIG = ".hydra/overrides.yaml", ".hydra/config.yaml"
 
 
@@ -75,6 +76,8 @@ def as_npz(arrays: Mapping[str, Any]) -> bytes:
 
 def arrays_of(content: bytes) -> dict[str, NDArray[Any]]:
     """The arrays of a `.npz` file by name; the one of a `.npy` file is called `genome`."""
+    if not content.startswith(_NUMPY):
+        raise ValueError("it is no file of NumPy; save the numbers with numpy.save")
     loaded = np.load(io.BytesIO(content), allow_pickle=False)
     return {"genome": loaded} if isinstance(loaded, np.ndarray) else dict(loaded)
 

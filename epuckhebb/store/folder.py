@@ -242,7 +242,9 @@ def _one_message(path: Path) -> Iterator[None]:
     except BlockingIOError:
         raise ConfigError(f"another process is working on {path}; wait for it or stop it") from None
     except OSError as error:
-        raise ConfigError(f"cannot write to {path}: {error.strerror}") from error
+        link = next((one for one in (path, *path.parents) if one.is_symlink() and not one.exists()), None)
+        why = f"{link} is a link to {link.readlink()}, which is missing" if link else error.strerror
+        raise ConfigError(f"cannot write to {path}: {why}") from error
 
 
 def _refuse_foreign(path: Path, command: str | None = None) -> None:

@@ -112,6 +112,8 @@ def launch(study: RunFolder, name: str, jobs: Sequence[Job], launcher: list[str]
                 try:
                     hydra.call("study", do, arguments)
                 except (ConfigError, JobFailedError) as error:
+                    if isinstance(error, ConfigError) and not any(path.exists() for path in attempts.values()):
+                        raise  # nothing has begun
                     trouble = str(error)
     remaining = {job.run for job in todo(folder, jobs)}
     failures = [

@@ -9,7 +9,7 @@ from typing import Any
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.ranges import Range, check_value
-from epuckhebb.tmaze.light import Lamp
+from epuckhebb.tmaze.light import BRIGHTEST, Lamp
 from epuckhebb.tmaze.maze import SIDES, Box, Maze, Pose, gap
 from epuckhebb.tmaze.robot import STEP_S
 
@@ -45,8 +45,8 @@ _KINDS: dict[str, tuple[Callable[[Any], bool], str]] = {  # what a value must be
     "lamp_on": (lambda value: value is None or isinstance(value, bool), "true, false, or null for what the side says"),
     "reset": (lambda value: isinstance(value, bool), "true or false"),
     "second_lamp": (
-        lambda value: value is None or (_are_numbers(value, 3) and value[2] >= 0),
-        "[x, y, intensity] in m, or null for none",
+        lambda value: value is None or (_are_numbers(value, 3) and 0 <= value[2] <= BRIGHTEST),
+        f"[x, y, intensity], in m and from 0 to {BRIGHTEST:g}, or null for none",
     ),
     "put": (lambda value: value is None or _are_numbers(value, 3), "[x, y, heading] in m and rad"),
     "placed": (

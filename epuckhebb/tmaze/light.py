@@ -15,6 +15,7 @@ from epuckhebb.controller.ranges import check, within
 
 SUN_X, SUN_Y = 0.465, 0.427  # horizontal part of the unit vector towards the sun; the sensors look level
 SUN_IRRADIANCE = 2.7  # at light level 1
+BRIGHTEST = 1e6  # light level and intensity, far beyond any sun and lamp
 NOISE = 0.01  # standard deviation of a reading, as a fraction of it
 
 
@@ -31,7 +32,7 @@ class Lamp:
     towards_x: float = within(-math.inf, default=-1.0)
     towards_y: float = within(-math.inf, default=0.0)
     beam_rad: float = within(0, math.pi, above=True, default=1.5)
-    intensity: float = within(0, default=2.0)
+    intensity: float = within(0, BRIGHTEST, default=2.0)
 
     def __post_init__(self) -> None:
         check(self, "scenario.lamp")

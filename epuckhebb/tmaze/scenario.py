@@ -12,7 +12,7 @@ from epuckhebb.controller.ranges import check as check_ranges
 from epuckhebb.tmaze.changes import AT_ONCE, GROUPED, check_changes, check_kind, check_placed, check_room, step_of
 from epuckhebb.tmaze.faults import LONGEST_DELAY
 from epuckhebb.tmaze.life import Lifetime
-from epuckhebb.tmaze.light import Lamp
+from epuckhebb.tmaze.light import BRIGHTEST, Lamp
 from epuckhebb.tmaze.maze import T_MAZE, Box, Maze, Place, Pose, Side, boxes, edges
 from epuckhebb.tmaze.own_fitness import PAPER_FITNESS, Fitness
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
@@ -50,7 +50,7 @@ class Scenario:
 
     name: str = "base"
     experiment: str = "obstacles"
-    light: float = within(0, default=0.1)
+    light: float = within(0, BRIGHTEST, default=0.1)
     sun_turn_deg: float = within(-180, 180, default=0.0)
     obstacles: int = 0
     layout: int = within(0, default=0)
@@ -186,8 +186,8 @@ class Scenario:
         self.task.check(self.lamp.intensity, lifetime.duration_s)
         if lifetime.gain_rad_s > robot.motor_limit_rad_s:
             raise ValueError(
-                f"lifetime.gain_rad_s must be more than 0 and at most {robot.motor_limit_rad_s:g}, the fastest of "
-                f"robot {robot.name}, got {lifetime.gain_rad_s}"
+                f"lifetime.gain_rad_s must be more than 0 and at most robot.motor_limit_rad_s, "
+                f"{robot.motor_limit_rad_s:g} of robot {robot.name}, got {lifetime.gain_rad_s}"
             )
         for where, change in self.events:
             if change["at_s"] >= lifetime.duration_s:
