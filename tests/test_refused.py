@@ -102,7 +102,7 @@ evolve task.trials=3                                    | task.trials | task tri
 # values
 evaluate hebbian.N=fast                                 | hebbian.N | fast
 evaluate hebbian.N=-1                                   | hebbian.N | -1
-evaluate scenario.light=1e308                           | scenario.light | 1e308
+evaluate scenario.light=1e308                           | scenario.light | 1e+06
 evaluate scenario.lamp.intensity=1e308                  | scenario.lamp.intensity
 evaluate scenario.second_lamp=[0,0,1e308]               | scenario.second_lamp
 evaluate robot.motor_limit_rad_s=0.5                    | lifetime.gain_rad_s | robot.motor_limit_rad_s
@@ -198,7 +198,7 @@ evaluate scenario=misspelt --config-dir=conf            | scenario/misspelt | li
 evaluate scenario=in_words --config-dir=conf            | scenario/in_words | scenario.light
 evaluate scenario=from_none --config-dir=conf           | scenario/from_none | 2obstacle
 evaluate scenario=too_deep --config-dir=conf            | scenario/too_deep | scenario.scenario
-evaluate scenario=number --config-dir=conf              | conf/scenario/number.yaml | 42
+evaluate scenario=number --config-dir=conf              | conf/scenario/number.yaml | keys with values
 evaluate scenario=dotted --config-dir=conf              | scenario/dotted | lamp: {{x_m: ...}}
 evaluate scenario=short_end --config-dir=conf           | short_end.yml | .yaml
 evaluate scenario=large_end --config-dir=conf           | large_end.YAML | .yaml

@@ -27,7 +27,8 @@ def load(path: Path) -> dict[str, Any]:
     except yaml.MarkedYAMLError as error:
         raise ConfigError(f"{path}{line_of(error)}") from error
     except Exception as error:  # what damaged values may raise has no end
-        raise ConfigError(f"{path}: {str(error).partition(chr(10))[0]}") from error
+        reason = str(error).partition("\n")[0] or "settings must be keys with values"
+        raise ConfigError(f"{path}: {reason}") from error
     if not isinstance(values, dict):
         raise ConfigError(f"{path}: settings must be keys with values, got {values}")
     return {str(key): value for key, value in values.items()}
