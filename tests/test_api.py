@@ -3,6 +3,7 @@
 import html
 import io
 import re
+from array import array
 from fractions import Fraction
 from pathlib import Path
 
@@ -91,7 +92,7 @@ def test_both_bundled_champions_load():
         (lambda: epuckhebb.load("nowhere"), "genome=nowhere does not exist"),
         (lambda: epuckhebb.evaluate(np.zeros(227)), "234"),
         (lambda: epuckhebb.evolve("ga=sound"), "textbook"),
-        (lambda: epuckhebb.evaluate(None), "genome must be genes"),
+        (lambda: epuckhebb.evaluate(None), "genome=the given array must hold 234 numbers"),
         (lambda: epuckhebb.evaluate("reference", {"repeats": 1}), "overrides are texts such as"),
         (lambda: epuckhebb.evaluate("reference", senario="base"), "senario"),
         (lambda: epuckhebb.evaluate(progres=False), "progres"),
@@ -126,3 +127,14 @@ def test_values_that_numpy_and_python_have_for_numbers_are_settings():
     for value in (np.float64(0.02), np.array(0.02)):
         config = epuckhebb.evaluate(hebbian={"N": value}, **BRIEF, progress=False).config
         assert config.controllers[0].rule.N == 0.02
+
+
+def test_genes_are_whatever_numpy_makes_an_array_of():
+    genes = epuckhebb.load()
+
+    class Tensor:
+        def __array__(self, dtype=None, copy=None):
+            return genes
+
+    for given in (array("d", genes), pd.Series(genes), Tensor()):
+        np.testing.assert_array_equal(epuckhebb.evaluate(given, **BRIEF, progress=False).genome.genes, genes)

@@ -198,3 +198,33 @@ def test_what_is_told_to_ignore_a_signal_ignores_it():
     )
     assert ended_by(script, signal.SIGTERM)[1] != 0
     assert "Hangup" not in ended_by(script, signal.SIGTERM)[0]
+
+
+def test_keys_with_a_word():
+    lines = done("keys", "--search", "MOTOR_noise").stdout.splitlines()
+    assert "# conf/adaptations.yaml" in lines
+    assert all("motor_noise" in line or line.startswith("# conf/") for line in lines)
+
+
+def test_a_job_of_many_that_fails_is_one_message(here):
+    text = "from epuckhebb import Fitness\nclass Mine(Fitness):\n    life = staticmethod(lambda success: 1 / 0)\n"
+    (here / "mine.py").write_text(text)
+    words = ["-m", "seed=1,2", "fitness.function=mine.py:Mine", *FAST]
+    assert "executing" not in refused("evaluate", *words)
+
+
+@pytest.mark.usefixtures("here")
+def test_a_launcher_that_submits_nothing_says_so(monkeypatch):
+    def stop(*_, **__):
+        raise RuntimeError("no srun")
+
+    monkeypatch.setattr("joblib.Parallel.__call__", stop)
+    for words in (["evaluate", "-m", "seed=1,2", "hydra/launcher=joblib"], ["sweep", "light"]):
+        assert "nothing was submitted: RuntimeError: no srun" in refused(*words, "lifetime.duration_s=2", "repeats=1")
+
+
+@pytest.mark.parametrize("name", ["grün", "a=b", "a(b)", "a&b#c", "[a]", "it's!", "a;b{c}"])
+def test_a_path_is_taken_as_it_stands(here, name):
+    np.save(here / f"x{name}.npy", np.zeros(234))
+    done("evaluate", f"genome=x{name}.npy", *FAST, "-q")
+    assert set(pd.read_csv(only_run(here / "runs" / "evaluate") / "metrics.csv").genome) == {f"x{name}"}

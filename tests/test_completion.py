@@ -4,6 +4,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -51,3 +52,12 @@ def test_choices():
     assert completion.complete_override("evaluate", "nothing=") == []
     assert completion.complete_sweep("n") == ["n_sweep"]
     assert completion.complete_group("ev") == ["evaluate", "evolve"]
+    assert completion.complete_override("evaluate", "genome=reference_ode_301") == ["genome=reference_ode_301"]
+    assert "genome=reference_7" in completion.complete_override("evolve", "genome=")
+
+
+def test_figures_that_a_run_has_drawn(tmp_path):
+    (tmp_path / "figures").mkdir()
+    (tmp_path / "figures" / "trajectories.svg").touch()
+    context = SimpleNamespace(params={"run": tmp_path})
+    assert completion.complete_figure(context, "tra") == ["trajectories"]

@@ -1,5 +1,6 @@
 """The environment of Gymnasium: its checker, the same bits as `evaluate`, rewards, and policies as genomes."""
 
+import copy
 import warnings
 
 import gymnasium
@@ -162,3 +163,14 @@ def test_bad_input_is_refused():
         with pytest.raises(ValueError, match="an action must be two numbers from -1 to 1"):
             env.step(np.array(action))
     assert env.step(np.zeros(2))[2]
+
+
+def test_what_gymnasium_refuses_is_refused_in_its_way():
+    env = TMaze(overrides=SHORT)
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.step(np.zeros(2))
+    with pytest.raises(TypeError, match="make another one"):
+        copy.deepcopy(env)
+    for settings, text in (({"render_mode": "human"}, "render_mode"), ({"scenario": 3}, "scenario=3")):
+        with pytest.raises(ValueError, match=text):
+            TMaze(**settings)

@@ -6,8 +6,9 @@ from collections import Counter
 
 import pytest
 from rich.console import Console
+from rich.text import Text
 
-from epuckhebb.cli.console import print_table
+from epuckhebb.cli.console import Terminal, print_table, print_text
 
 HEADINGS = ("controller", "side", "success", "time to goal (s)", "difference to the matched control")
 ROWS = [
@@ -47,3 +48,20 @@ def test_a_long_text_breaks_between_words_and_its_figures_do_not():
 
 def test_signs_of_markup_are_shown_as_they_are():
     assert "[bold]x[/bold]" in printed(80, [("[bold]x[/bold]", "a", "b", "c", "d")])
+
+
+def test_headings_are_whole_where_there_is_room():
+    assert "  ".join(HEADINGS[3:]) in printed(200)
+    assert "  ".join(HEADINGS[3:]) not in printed(80)
+
+
+@pytest.mark.parametrize(("columns", "width"), [("0", 80), ("1", 10_000), ("39", 10_000), ("40", 40)])
+def test_a_width_that_is_none_is_unknown_and_a_small_one_breaks_nothing(monkeypatch, columns, width):
+    monkeypatch.setenv("COLUMNS", columns)
+    assert Terminal().width == width
+
+
+def test_a_long_path_stays_whole():
+    stream, path = io.StringIO(), f"/{'x' * 90}/champion.npz"
+    print_text(Console(file=stream, width=80), Text(f"{'word ' * 20}{path} more"))
+    assert path in stream.getvalue().splitlines()[-1]
