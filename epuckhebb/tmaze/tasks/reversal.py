@@ -4,9 +4,9 @@ A lifetime has many trials. Each begins at rest at the start. It ends one second
 maze, or when its time is over. During that second a network input is the reward: 1 at the rewarded end, -1 at the
 other, else 0. The lamp is off, and nothing else distinguishes the ends. In one trial the other end becomes the rewarded
 one, for the rest of the lifetime. That trial is drawn for each lifetime, and some lifetimes have none, so counting does
-not help. Weights and synapse states last across trials; the network has no other memory.
+not help. Weights, synapse states and the state of recurrent neurons last across trials.
 
-Without plasticity all trials are alike but for the noise, so a robot as good on either side is rewarded in half of
+Without any of these all trials are alike but for the noise, so a robot as good on either side is rewarded in half of
 them. The best strategy is win-stay, lose-shift.
 
 Source: after Soltoggio, Bullinaria, Mattiussi, Durr & Floreano, Evolutionary advantages of neuromodulated plasticity in
@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled
+from epuckhebb.controller.plasticity.rule import Reward
 from epuckhebb.controller.random import Stream, rng
 from epuckhebb.controller.ranges import Range, check_value, within
 from epuckhebb.tmaze.fitness import distance_to
@@ -38,13 +39,14 @@ _ENDS = {"left": -1, "right": 1}
 class Terms(NamedTuple):
     """The numbers of the task in a maze. left, right: its ends. start: of each trial.
 
-    reward_steps, time_out: steps for which the reward is given, and after which a trial is over. time_outs: after this
-    number of them the lifetime is over.
+    reward: the input at the rewarded end. reward_steps, time_out: steps for which it is given, and after which a trial
+    is over. time_outs: after this number of them the lifetime is over.
     """
 
     left: Place
     right: Place
     start: Pose
+    reward: float
     reward_steps: int
     time_out: int
     time_outs: int
@@ -55,10 +57,11 @@ class Reversal(Task):
     """The settings of reversal learning.
 
     trials: of a lifetime. first_switch, last_switch: the rewarded end changes at one of these trials, counted from 1,
-    all equally likely. never: share of the lifetimes in which it does not change. reward_s: for how long the reward is
-    given [s]. time_out_s: when a trial without an arrival is over [s]. time_outs: after this number of them the
-    lifetime is over, and the remaining trials count as not rewarded. end_bonus, progress_bonus: fitness for reaching an
-    end in every trial, and for coming near one, besides the rewarded share; they guide evolution before robots arrive.
+    all equally likely. never: share of the lifetimes in which it does not change. reward: as given, or, as a control,
+    inverted where the network reads it; what counts stays the same. reward_s: for how long the reward is given [s].
+    time_out_s: when a trial without an arrival is over [s]. time_outs: after this number of them the lifetime is over,
+    and the remaining trials count as not rewarded. end_bonus, progress_bonus: fitness for reaching an end in every
+    trial, and for coming near one, besides the rewarded share; they guide evolution before robots arrive.
     """
 
     inputs: ClassVar[tuple[InputGroup, ...]] = (RewardInput(),)
@@ -68,6 +71,7 @@ class Reversal(Task):
     first_switch: int = 2
     last_switch: int = 8
     never: float = within(0, 1, default=0.125)
+    reward: Reward = Reward.given
     reward_s: float = within(STEP_S, default=1.0)
     time_out_s: float = within(STEP_S, default=30.0)
     time_outs: int = within(1, default=2)
@@ -108,6 +112,7 @@ class Reversal(Task):
             Place(*map(float, goals["left"])),
             Place(*map(float, goals["right"])),
             Pose(*map(float, start)),
+            -1.0 if self.reward is Reward.inverted else 1.0,
             _steps(self.reward_s),
             _steps(self.time_out_s),
             self.time_outs,
@@ -187,7 +192,7 @@ def _end_step(life: Any, space: Handles, setup: Any) -> None:
             on_left = distance_to(x, y, terms.left.x, terms.left.y) == tally.goal_distance
             this.reached = -1 if on_left else 1
             this.steps = elapsed
-            tally.reward = 1.0 if this.reached == this.good else -1.0
+            tally.reward = terms.reward if this.reached == this.good else -terms.reward
             return
         if elapsed < terms.time_out:
             return
