@@ -2,6 +2,7 @@
 
 import math
 import re
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -12,16 +13,26 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from epuckhebb.analysis import findings, published, report, rescue
-from epuckhebb.analysis.statistics import bootstrap_mean, bootstrap_ratio, sign_flip, wilson, wilson_by_champion
+from epuckhebb.analysis.statistics import (
+    bootstrap,
+    difference,
+    holm,
+    improvement,
+    interquartile_mean,
+    mean,
+    permutation,
+    sign_flip,
+    sign_flip_of_shares,
+    wilson,
+    wilson_by_champion,
+)
 from epuckhebb.runtime.resources import data_folder
 from epuckhebb.tmaze.individual import GA, HEBBIAN
 
 
-@pytest.mark.parametrize(
-    ("k", "n", "low", "high"), [(20, 20, 0.8389, 1.0), (0, 10, 0.0, 0.2775), (7, 22, 0.1636, 0.5268)]
-)
-def test_wilson(k, n, low, high):
-    assert wilson(k, n) == pytest.approx((low, high), abs=1e-4)
+@pytest.mark.parametrize(("k", "n"), [(20, 20), (0, 10), (7, 22)])
+def test_wilson(k, n):
+    assert wilson(k / n, n) == pytest.approx(stats.binomtest(k, n).proportion_ci(0.95, "wilson"))
 
 
 def test_no_trials_no_interval():
@@ -68,42 +79,81 @@ def test_sign_flip_wants_whole_trials():
         sign_flip(np.array([0.5, 1.0]))
 
 
+def test_shares_of_trials_that_differ_in_number_are_flipped_too():
+    assert sign_flip_of_shares(np.array([0.5, 0.25, 1.0, math.nan, 0.1, 0.2, 0.3])) == pytest.approx(2 / 2**6)
+    many = np.random.default_rng(1).normal(0.3, 1, 40)
+    assert sign_flip_of_shares(many) == pytest.approx(stats.ttest_1samp(many, 0).pvalue, abs=0.02)
+    assert sign_flip_of_shares(np.zeros(3)) == 1.0
+
+
+def test_permutation_of_two_groups():
+    assert permutation(np.array([3, 4, 5]), np.array([0, 1, 2])) == 2 / math.comb(6, 3)  # none overlaps
+    assert permutation(np.array([1, 1]), np.array([1, 1, 1])) == 1.0
+    ours, others = np.array([3, 5, 2, 8, 1, 7]), np.array([1, 2, 2, 3, 9, 0])
+    test = stats.permutation_test((ours, others), lambda x, y, axis: x.mean(axis) - y.mean(axis), n_resamples=1000)
+    assert permutation(ours, others) == pytest.approx(test.pvalue)
+
+
+def test_holm_by_hand():
+    assert holm([0.01, math.nan, 0.04, 0.03]) == pytest.approx([0.03, math.nan, 0.06, 0.06], nan_ok=True)
+    assert holm([0.5, 0.9]).tolist() == [1.0, 1.0]
+
+
 def test_one_trial_from_each_champion_is_wilson():
-    assert wilson_by_champion(np.array([1] * 3 + [0] * 17), np.ones(20, int)) == pytest.approx(wilson(3, 20))
+    assert wilson_by_champion(np.array([1] * 3 + [0] * 17), np.ones(20, int)) == pytest.approx(wilson(3 / 20, 20))
 
 
 def test_sides_that_always_agree_are_worth_one_trial():
     alike = wilson_by_champion(np.array([2] * 10 + [0] * 10), np.full(20, 2))
-    assert width(alike) > width(wilson(10, 20)) > 1.3 * width(wilson(20, 40))
-    assert alike == pytest.approx(wilson(10, 20), abs=0.005)
+    assert width(alike) > width(wilson(0.5, 20)) > 1.3 * width(wilson(0.5, 40))
+    assert alike == pytest.approx(wilson(0.5, 20), abs=0.005)
 
 
 def test_sides_that_have_nothing_to_do_with_each_other_are_worth_two():
     apart = wilson_by_champion(np.array([2] * 5 + [1] * 10 + [0] * 5), np.full(20, 2))
-    assert apart == pytest.approx(wilson(20, 40), abs=0.005)
+    assert apart == pytest.approx(wilson(0.5, 40), abs=0.02)
 
 
 def test_an_interval_by_hand():
-    # 3 of 4 by champions with 2 of 2 and 1 of 2: off by 0.5 and -0.5, variance 2 (0.25 + 0.25) / 16 = 1/16, and of
-    # independent trials 0.75 * 0.25 / 3 = 1/16. The design effect is 1, the effective number of cases 4
-    assert wilson_by_champion(np.array([2, 1]), np.array([2, 2])) == pytest.approx(wilson(3, 4))
+    # 9 of 12 by six champions, with one of 2 trials more, half of it 2 of 2 and half 0 of 2: 10 of 14. 5/7 of 2 is
+    # 10/7. Three champions are off by 4/7, three by -3/7, the halves of one by 4/7 and -10/7
+    squares = 3 * (4 / 7) ** 2 + 3 * (3 / 7) ** 2 + ((4 / 7) ** 2 + (10 / 7) ** 2) / 2
+    effect = 7 / 6 * squares / 14**2 / (5 / 7 * 2 / 7 / 13)
+    assert effect == pytest.approx(1.0292, abs=1e-4)
+    found = wilson_by_champion(np.array([2, 2, 2, 1, 1, 1]), np.full(6, 2))
+    assert found == pytest.approx(wilson(0.75, 12 / effect))
 
 
-@pytest.mark.parametrize("interval", [wilson_by_champion, lambda part, whole: bootstrap_ratio(part, whole, seed=1)])
-@pytest.mark.parametrize(
-    ("part", "whole", "k", "n"),
-    [([2] * 10, [2] * 10, 10, 10), ([0] * 13, [2] * 13, 0, 13), ([2, 1], [2, 1], 2, 2), ([0, 0], [2, 0], 0, 1)],
-)
-def test_where_all_champions_agree_each_counts_once(interval, part, whole, k, n):
-    assert interval(np.array(part), np.array(whole)) == pytest.approx(wilson(k, n))
+@pytest.mark.parametrize("champions", [6, 20, 40])
+@pytest.mark.parametrize("trials", [2, 25])
+def test_one_success_more_moves_an_interval_up(champions, trials):
+    """None of 1,021 was once [0, .09] and 4 of 1,021 [0, .01]: two methods for two cases."""
+    whole, part, before = np.full(champions, trials), np.zeros(champions, int), (-1.0, -1.0)
+    for k in range(trials):
+        part[0] = k
+        low, high = wilson_by_champion(part, whole)
+        assert low >= before[0]
+        assert high >= before[1] - 0.02  # champions that differ more are worth less
+        before = (low, high)
+
+
+@pytest.mark.parametrize("share", [0.05, 0.5, 0.9])
+@pytest.mark.parametrize("alike", [0.01, 0.3])
+@pytest.mark.parametrize(("champions", "trials"), [(6, 2), (12, 20), (40, 2)])
+def test_the_interval_covers_the_share(champions, trials, alike, share):
+    rng, covered = np.random.default_rng(champions + trials), 0
+    a, b = share * (1 / alike - 1), (1 - share) * (1 / alike - 1)
+    for _ in range(400):
+        part = rng.binomial(trials, rng.beta(a, b, champions))
+        low, high = wilson_by_champion(part, np.full(champions, trials))
+        covered += low <= share <= high
+    assert covered / 400 > 0.91  # 95 %, less what few champions cost and two standard errors of 400 draws
 
 
 @pytest.mark.parametrize(("part", "whole"), [([3], [2]), ([-1], [2]), ([1], [1, 2])])
 def test_counts_that_cannot_be_are_refused(part, whole):
     with pytest.raises(ValueError, match="champion"):
         wilson_by_champion(np.array(part), np.array(whole))
-    with pytest.raises(ValueError, match="champion"):
-        bootstrap_ratio(np.array(part), np.array(whole), seed=0)
 
 
 CHAMPIONS = st.lists(
@@ -114,38 +164,50 @@ CHAMPIONS = st.lists(
 @given(CHAMPIONS)
 def test_an_interval_holds_its_share_and_is_never_surer_than_independent_trials(champions):
     part, whole = np.array(champions).T
-    if not whole.sum():
+    if (whole > 0).sum() < 6:
         assert all(map(math.isnan, wilson_by_champion(part, whole)))
         return
-    for low, high in (wilson_by_champion(part, whole), bootstrap_ratio(part, whole, seed=0)):
-        assert 0 <= low <= part.sum() / whole.sum() <= high <= 1
-        assert low < high
-    assert width(wilson_by_champion(part, whole)) >= width(wilson(int(part.sum()), int(whole.sum()))) - 1e-9
+    share = part.sum() / whole.sum()
+    low, high = wilson_by_champion(part, whole)
+    assert 0 <= low <= share <= high <= 1
+    assert high - low >= width(wilson(share, int(whole.sum()))) - 1e-9
 
 
-@given(st.lists(st.integers(0, 1), min_size=1, max_size=40), st.integers(2, 5))
+@given(st.lists(st.integers(0, 1), min_size=6, max_size=40), st.integers(2, 5))
 def test_sides_alike_do_not_narrow_an_interval_nor_a_p_value(outcomes, copies):
     part, whole = np.array(outcomes), np.ones(len(outcomes), int)
     one, many = wilson_by_champion(part, whole), wilson_by_champion(part * copies, whole * copies)
     assert many[0] <= one[0] + 1e-9
     assert many[1] >= one[1] - 1e-9
-    assert bootstrap_ratio(part * copies, whole * copies, seed=0) == bootstrap_ratio(part, whole, seed=0)
     assert sign_flip(part * copies) == sign_flip(part)
 
 
 def test_bootstrap_covers_the_mean():
-    low, high = bootstrap_mean(np.random.default_rng(0).normal(3, 1, 50), seed=1)
+    low, high = bootstrap(mean, np.random.default_rng(0).normal(3, 1, 50), seed=1)
     assert low < 3 < high
     assert high - low == pytest.approx(2 * 1.96 / math.sqrt(50), rel=0.25)
 
 
-def test_bootstrap_where_all_agree():
-    assert bootstrap_mean(np.ones(20), seed=1, bounds=(0, 1)) == pytest.approx(wilson(20, 20))
-    unseen = wilson(0, 20)[1]
-    assert bootstrap_mean(np.zeros(20), seed=1, bounds=(-1, 1)) == pytest.approx((-unseen, unseen))
-    assert bootstrap_mean(np.array([0.5, np.nan]), seed=1, bounds=(0, 1)) == pytest.approx((0.1033, 0.8967), abs=1e-4)
-    assert bootstrap_mean(np.ones(5), seed=1) == (1, 1)  # no bounds: nothing can be said of others
-    assert all(map(math.isnan, bootstrap_mean(np.array([1.0, np.nan]), seed=1)))
+def test_a_bootstrap_knows_nothing_of_few_or_of_equals():
+    for values in (np.ones(20), np.arange(5.0), np.array([1.0, np.nan, 2, 3, 4, 5])):
+        assert all(map(math.isnan, bootstrap(mean, values)))
+    low, high = bootstrap(difference, np.arange(12.0), np.arange(8.0))
+    assert low < 2 < high
+
+
+def test_aggregates_are_those_of_rliable():
+    """Numbers of rliable-fork 1.2.0: `metrics.aggregate_iqm` and `probability_of_improvement`.
+
+    Its scores are (runs, tasks); a champion is a run, and its success over all test worlds is the one task.
+    """
+    champions = pd.read_csv(Path(__file__).parents[1] / "runs" / "reference" / "leaderboard" / "champions.csv")
+    champions["share"] = champions.successes / champions.trials
+    scores = {key: own.share.to_numpy() for key, own in champions.groupby(["experiment", "method"])}
+    for row in yaml.safe_load((Path(__file__).parent / "data" / "rliable.yaml").read_text()):
+        ours = scores[row["experiment"], row["method"]]
+        others = scores[row["experiment"], row["other"]]
+        assert interquartile_mean(ours) == pytest.approx(row["iqm"], abs=1e-12)
+        assert improvement(ours, others) == pytest.approx(row["improvement"], abs=1e-12)
 
 
 def lifetimes(outcomes, repeats=3):
@@ -207,19 +269,31 @@ def test_rescue_and_harm_by_hand():
     assert found.difference["4obstacles"] == pytest.approx((0 + 0.5) / 2)  # a: +1 -1, b: 0 +1
     assert found.sign_flip_p["4obstacles"] == 1.0  # a: +1 -1 = 0, b: 0 +1 = 1
     assert found.sign_flip_p["base"] == 1.0  # a: 0, b: -1 +1 = 0
-    assert (found.difference_low["2obstacles"], found.difference_high["2obstacles"]) == (0.0, 0.5)
-    assert tuple(found.loc["4obstacles", ["rescued_low", "rescued_high"]]) == pytest.approx(wilson(1, 2))
-    assert tuple(found.loc["base", ["harmed_low", "harmed_high"]]) == pytest.approx((0.0395, 0.8588), abs=1e-4)
-    # that is Wilson's for 1/3 of 27/16: a is off by 0 - 2/3, b by 1 - 1/3, variance 2 (8/9) / 9, design effect 16/9
+    assert found[["rescued_low", "harmed_high", "difference_low"]].isna().all(axis=None)  # two champions are too few
+
+
+def six_of(each):
+    """The champions of a table three times over, under other names."""
+    return pd.concat([each.assign(genome=each.genome + str(copy)) for copy in range(3)], ignore_index=True)
+
+
+def test_intervals_of_six_champions():
+    found = findings.rescue_and_harm(six_of(EACH)).set_index("scenario")
+    broken = wilson_by_champion(np.array([1, 0] * 3), np.array([1, 1] * 3))
+    assert tuple(found.loc["4obstacles", ["rescued_low", "rescued_high"]]) == broken == pytest.approx(wilson(0.5, 6))
+    assert found.difference["4obstacles"] == pytest.approx(0.25)
+    assert 0 < found.difference_low["4obstacles"] < 0.25 < found.difference_high["4obstacles"]
     assert found[["rescued_low", "rescued_high"]].loc["base"].isna().all()
 
 
 def test_rescue_over_all_changed_worlds_by_hand():
-    (found,) = findings.rescue_over_all(EACH).to_dict("records")
+    by_champion = findings.rescue_by_champion(EACH)
+    b = by_champion[(by_champion.genome == "b") & (by_champion.controller == HEBBIAN)].iloc[0]
+    assert (b.solves, b.training_harmed, b.broken, b.rescued, b.intact, b.harmed) == (1, 1, 1, 0, 1, 0)
+    (found,) = findings.rescue_over_all(by_champion).to_dict("records")
     assert (found["broken"], found["rescued"], found["intact"], found["harmed"]) == (2, 1, 4, 1)
     assert (found["training_solved"], found["training_harmed"]) == (3, 1)
     assert (found["rescued_share"], found["harmed_share"]) == (0.5, 0.25)
-    assert (found["rescued_low"], found["rescued_high"]) == (0.0, 1.0)  # a: 1 of 1, b: 0 of 1
     assert findings.changed(EACH, "obstacles") == ["2obstacles", "4obstacles"]
 
 
@@ -233,49 +307,44 @@ def one_sided():
 
 
 def test_retention_counts_one_sided_champions_apart():
-    found = findings.retention(one_sided()).set_index(["controller", "solves"])
+    found = findings.retention(findings.rescue_by_champion(one_sided())).set_index(["controller", "solves"])
     columns = ["champions", "trials", "retained"]
     assert found.loc[(GA, "any"), columns].tolist() == [2, 6, 3]  # l: 2 of 2, m: 1 of 4
     assert found.loc[(GA, "both"), columns].tolist() == [1, 4, 1]
     assert found.loc[(HEBBIAN, "any"), columns].tolist() == [2, 6, 4]
     assert found.loc[(HEBBIAN, "both"), columns].tolist() == [1, 4, 2]
     assert found.share[GA, "both"] == 0.25
-    assert tuple(found.loc[(GA, "any"), ["low", "high"]]) == (0.25, 1.0)
-    assert width(found.loc[(GA, "both"), ["low", "high"]]) == pytest.approx(wilson(0, 1)[1])  # one champion
     page = rescue.retention_table(found.reset_index()).markdown()
-    assert "| GA | 3 of 6: 0.50 [0.25, 1.00], 2 champions | 1 of 4: 0.25 [0.05, 0.85], 1 champion |" in page
+    assert "| GA | 3 of 6: 0.50, 2 champions | 1 of 4: 0.25, 1 champion |" in page
 
 
 def test_retention_where_nothing_is_solved():
     each = one_sided()
-    found = findings.retention(each[each.genome == "l"]).set_index(["controller", "solves"])
+    alone = findings.rescue_by_champion(each[each.genome == "l"])
+    found = findings.retention(alone).set_index(["controller", "solves"])
     assert found.trials[GA, "both"] == 0
     assert math.isnan(found.share[GA, "both"])
-    assert (
-        "| GA | 2 of 2: 1.00 [0.21, 1.00], 1 champion | 0 of 0 |"
-        in rescue.retention_table(found.reset_index()).markdown()
-    )
-
-
-def test_bootstrap_ratio_weighs_champions_by_their_trials():
-    part, whole = np.array([1, 0, 3]), np.array([2, 0, 3])
-    low, high = bootstrap_ratio(part, whole, seed=1)
-    assert 0.5 == low < 0.8 < high == 1.0
-    assert all(map(math.isnan, bootstrap_ratio(np.zeros(3, int), np.zeros(3, int), seed=1)))
+    assert "| GA | 2 of 2: 1.00, 1 champion | 0 of 0 |" in rescue.retention_table(found.reset_index()).markdown()
 
 
 def test_success_counts_champions():
     found = findings.success(EACH).set_index(["scenario", "controller", "side"])
     assert tuple(found.loc[("base", GA, "right"), ["successes", "n"]]) == (1, 2)
-    assert tuple(found.loc[("base", GA, "right"), ["low", "high"]]) == wilson(1, 2)
+    six = findings.success(six_of(EACH)).set_index(["scenario", "controller", "side"])
+    assert tuple(six.loc[("base", GA, "right"), ["low", "high"]]) == pytest.approx(wilson(0.5, 6))
     assert tuple(found.loc[("base", GA, "both"), ["successes", "n"]]) == (1, 2)
     assert tuple(found.loc[("2obstacles", HEBBIAN, "both"), ["successes", "gained"]]) == (2, 1)  # b, with plasticity
     assert tuple(found.loc[("4obstacles", HEBBIAN, "left"), ["successes", "gained"]]) == (1, 1)
     assert not found.xs(GA, level="controller").gained.any()
 
 
-def test_claims_by_hand():
-    found = findings.claims(EACH).set_index("claim")
+@pytest.fixture(scope="module")
+def paper():
+    return yaml.safe_load((data_folder("conf") / "paper" / "tables.yaml").read_text())
+
+
+def test_claims_by_hand(paper):
+    found = findings.claims(EACH, published.published_values(paper)).set_index("claim")
     assert tuple(found.loc["4 obstacles defeat the GA", ["true", "n"]]) == (2, 3)
     assert tuple(found.loc["N = 1.5e-05 rescues it at 4", ["true", "n"]]) == (1, 2)
     assert tuple(found.loc["Weight change grows with obstacles", ["true", "n"]]) == (0, 4)
@@ -283,14 +352,45 @@ def test_claims_by_hand():
     assert unchanged.verdict == "check passed"
     assert math.isnan(unchanged.low)  # it is no statistic
     assert found.verdict["N = 1.5e-05 rescues it at 2"] == "no trial to judge by"
+    assert found.verdict["N = 1.5e-05 rescues it at 4"] == "too few (2 of 2 champions)"
+    assert found.paper_effect["Plasticity reaches the goal sooner"] == pytest.approx(-10.14, abs=0.01)
+
+
+def trial_values(by_champion):
+    """A series of trials, indexed as those of `findings`, from {champion: (left, right)}."""
+    index = [(genome, side) for genome in by_champion for side in ("left", "right")]
+    values = [value for sides in by_champion.values() for value in sides]
+    return pd.Series(values, pd.MultiIndex.from_tuples(index, names=["genome", "side"]))
+
+
+@pytest.mark.parametrize(
+    ("changes", "verdict"),
+    [
+        ([-12, -9, -11, -8, -10, -13, -9], "holds"),
+        ([-3, -2, -4, -3, -1, -2, -3], "holds, smaller"),  # less than 10 %
+        ([-2, 1, -1, 2, -3, 1, 0], "does not hold"),
+        ([-30, 20, -25, 15, 10, -20, -9], "inconclusive"),
+        ([5, 6, 4, 5, 7, 6, 5], "does not hold"),
+        ([-12, -9, -11], "too few"),
+    ],
+)
+def test_a_claim_with_a_size_is_judged_by_its_effect(changes, verdict):
+    before = trial_values({f"c{k}": (50.0, math.nan) for k in range(len(changes))})
+    after = trial_values({f"c{k}": (50 * (1 + change / 100), 70.0) for k, change in enumerate(changes)})
+    found = findings.effect(before, after, -10.0, before)
+    assert found["verdict"] == verdict
+    assert found["effect"] == pytest.approx(np.mean(changes))
+    assert found["effect_absolute"] == pytest.approx(np.mean(changes) / 2)
+    assert found["control_effect"] == 0
 
 
 def test_sides_of_a_champion_are_one_piece_of_evidence():
-    part, whole = np.array([2, 2, 0]), np.array([2, 2, 1])
-    row = findings.claim("", "", part, whole)
-    assert (row["true"], row["n"], row["champions"]) == (4, 5, 3)
+    part, whole = np.array([2, 2, 0, 2, 2, 0, 2]), np.array([2, 2, 1, 2, 2, 2, 2])
+    row = findings.claim("", "", part, whole, control=part // 2)
+    assert (row["true"], row["n"], row["champions"]) == (10, 13, 7)
     assert (row["low"], row["high"]) == wilson_by_champion(part, whole)
-    assert width((row["low"], row["high"])) > width(wilson(4, 5))
+    assert width((row["low"], row["high"])) > width(wilson(10 / 13, 13))
+    assert (row["control_true"], row["control_low"]) == (5, wilson_by_champion(part // 2, whole)[0])
 
 
 @pytest.mark.parametrize(
@@ -299,10 +399,9 @@ def test_sides_of_a_champion_are_one_piece_of_evidence():
         ([1] * 19 + [0], [1] * 20, "holds"),
         ([1] + [0] * 19, [1] * 20, "does not hold"),
         ([1] * 10 + [0] * 10, [1] * 20, "mixed"),
-        ([0] * 3, [2] * 3, "inconclusive (n = 6)"),
-        ([1] * 3, [1] * 3, "inconclusive (n = 3)"),
-        ([1] * 4, [1] * 4, "holds"),
-        ([2, 2], [2, 2], "inconclusive (n = 4)"),  # four trials, but two champions
+        ([1] * 6 + [0] * 2, [1] * 8, "inconclusive (n = 8)"),
+        ([0] * 3, [2] * 3, "too few (6 of 3 champions)"),
+        ([1], [1], "too few (1 of 1 champion)"),
         ([], [], "no trial to judge by"),
     ],
 )
@@ -321,21 +420,16 @@ def test_verdicts(part, whole, verdict):
     ],
 )
 def test_the_rule_is_as_it_is_printed(low, high, verdict):
-    assert findings.verdict(low, high, 7) == verdict
+    assert findings.verdict(low, high, 7, 7) == verdict
 
 
-def test_every_claim_is_judged_by_the_one_rule():
+def test_every_claim_is_judged_by_the_one_rule(paper):
     light = EACH.assign(experiment="light", scenario=EACH.scenario.map({"base": "highlight", "4obstacles": "lowlight"}))
-    found = findings.claims(pd.concat([EACH, light[light.scenario.notna()]]))
+    found = findings.claims(pd.concat([EACH, light[light.scenario.notna()]]), published.published_values(paper))
     assert len(found) == 13
-    judged = found[~found.verdict.str.startswith("check")]
-    assert [findings.verdict(row.low, row.high, row.n) for row in judged.itertuples()] == list(judged.verdict)
-    assert (found.n == 0).equals(found.verdict == "no trial to judge by")
-
-
-@pytest.fixture(scope="module")
-def paper():
-    return yaml.safe_load((data_folder("conf") / "paper" / "tables.yaml").read_text())
+    judged = found[~found.verdict.str.startswith("check") & found.paper_effect.isna()]
+    rows = list(judged.itertuples())
+    assert [findings.verdict(row.low, row.high, row.n, row.champions) for row in rows] == list(judged.verdict)
 
 
 def test_showcase_is_the_likest_of_the_masters(paper):

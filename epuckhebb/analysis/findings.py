@@ -4,7 +4,7 @@
 All intervals and p values take champions as the independent unit: see `epuckhebb.analysis.statistics`.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
@@ -12,12 +12,14 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from epuckhebb.analysis.statistics import bootstrap_mean, bootstrap_ratio, sign_flip, wilson, wilson_by_champion
+from epuckhebb.analysis.statistics import bootstrap, mean, sign_flip, wilson_by_champion
+from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.tmaze.individual import CONTROLS, GA, HEBBIAN
 from epuckhebb.tmaze.scenario import TRAINED
 
 CHANGED = {"light": ("lowlight",), "obstacles": ("2obstacles", "4obstacles")}
 PAPER_N = {"light": 0.002, "obstacles": 0.000015}
+SHUFFLED = CONTROLS[Sign.shuffled]
 TRIAL = ["genome", "side"]
 _CELL = ["experiment", "scenario", "controller", "N"]
 
@@ -38,8 +40,7 @@ def trials(metrics: pd.DataFrame) -> pd.DataFrame:
 def success(each: pd.DataFrame) -> pd.DataFrame:
     """Success of every condition over the champions: on the left, on the right, and on both sides.
 
-    A champion is one case in each row. The intervals are therefore Wilson's. `gained`: champions that succeed here and
-    fail in the same world without plasticity.
+    `gained`: champions that succeed here and fail in the same world without plasticity.
     """
     both = each.groupby([*_CELL, "genome"], sort=False, as_index=False).succeeds.all().assign(side="both")
     outcomes = pd.concat([each, both], ignore_index=True)
@@ -49,7 +50,7 @@ def success(each: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for cell, group in outcomes.groupby([*_CELL, "side"], sort=False):
         k, n = int(group.succeeds.sum()), len(group)
-        low, high = wilson(k, n)
+        low, high = wilson_by_champion(group.succeeds.to_numpy(np.int64), np.ones(n, np.int64))
         row = dict(zip([*_CELL, "side"], cell, strict=True)) | {"successes": k, "n": n, "share": k / n}
         rows.append(row | {"low": low, "high": high, "gained": int(group.gained.sum())})
     return pd.DataFrame(rows)
@@ -60,20 +61,20 @@ def rescue_and_harm(each: pd.DataFrame) -> pd.DataFrame:
 
     broken: fail in the changed world without plasticity; rescued: of these, succeed with it. intact: succeed in the
     changed world without plasticity; harmed: of these, fail with it. No trial is broken in the training world. The
-    intervals of the shares are from `wilson_by_champion`. `difference` is success with plasticity minus success
-    without, over all trials of the world, solved or not, with a bootstrap interval; `sign_flip_p` is its exact p value.
+    intervals of shares are from `wilson_by_champion`. `difference` is success with plasticity minus success without,
+    over all trials of the world, solved or not, with a bootstrap interval; `sign_flip_p` is its exact p value.
     """
     rows: list[dict[str, Any]] = []
     for experiment, kind, rate in _plasticities(each):
         for scenario in (TRAINED[experiment], *changed(each, experiment)):
             fates = _fates(each, experiment, scenario, kind, rate)
-            counts = _counts(fates, wilson_by_champion)
+            counts = _counts(fates.groupby("genome", sort=False).sum())
             where = {"experiment": experiment, "scenario": scenario, "controller": kind, "N": rate}
             row = where | {"solved": counts["broken"] + counts["intact"]} | counts
             without, plastic = (_outcomes(each, experiment, scenario, *how) for how in ((GA, 0.0), (kind, rate)))
             difference = (plastic.astype(float) - without.astype(float)).groupby("genome", sort=False)
             by_champion = difference.mean().to_numpy()
-            low, high = bootstrap_mean(by_champion, seed=0, bounds=(-1, 1))
+            low, high = bootstrap(mean, by_champion)
             row |= {"difference": float(by_champion.mean()), "difference_low": low, "difference_high": high}
             rows.append(row | {"sign_flip_p": sign_flip(difference.sum().to_numpy().astype(np.int64))})
     return pd.DataFrame(rows)
@@ -91,11 +92,11 @@ def _fates(each: pd.DataFrame, experiment: str, scenario: str, kind: str, rate: 
     return pd.DataFrame({"broken": broken, "rescued": broken & plastic, "intact": intact, "harmed": intact & ~plastic})
 
 
-def _counts(fates: pd.DataFrame, interval: Callable[..., tuple[float, float]]) -> dict[str, Any]:
-    by_champion = fates.groupby("genome", sort=False).sum()
+def _counts(by_champion: pd.DataFrame) -> dict[str, Any]:
+    """The sums over champions of what happens to their trials, and the shares rescued and harmed."""
     row: dict[str, Any] = by_champion.sum().to_dict()
     for part, whole in (("rescued", "broken"), ("harmed", "intact")):
-        low, high = interval(by_champion[part].to_numpy(np.int64), by_champion[whole].to_numpy(np.int64))
+        low, high = wilson_by_champion(by_champion[part].to_numpy(np.int64), by_champion[whole].to_numpy(np.int64))
         row |= {f"{part}_share": _ratio(row[part], row[whole]), f"{part}_low": low, f"{part}_high": high}
     return row
 
@@ -106,33 +107,38 @@ def changed(each: pd.DataFrame, experiment: str) -> list[str]:
     return [scenario for scenario in there if scenario != TRAINED[experiment]]
 
 
-def rescue_over_all(each: pd.DataFrame) -> pd.DataFrame:
-    """Rescue and harm over all changed worlds of an experiment together, and harm in the training world.
+def rescue_by_champion(each: pd.DataFrame) -> pd.DataFrame:
+    """What happens to the trials of each champion in all changed worlds of an experiment together.
 
-    Trials of one champion in many worlds are not independent. The intervals are therefore from a bootstrap over
-    champions. Columns as in `rescue_and_harm`.
+    `solves`: how many sides the GA solves in the training world; `training_harmed`: on how many of these the plasticity
+    fails there. broken, rescued, intact, harmed: see `rescue_and_harm`. The GA has rows, too; it rescues none.
     """
     rows = []
-    for experiment, kind, rate in _plasticities(each):
+    for experiment, kind, rate in each[["experiment", "controller", "N"]].drop_duplicates().itertuples(index=False):
         fates = pd.concat(_fates(each, experiment, scenario, kind, rate) for scenario in changed(each, experiment))
-        counts = _counts(fates[fates.broken | fates.intact], partial(bootstrap_ratio, seed=0))
-        trained = _fates(each, experiment, TRAINED[experiment], kind, rate).sum()
-        row = {"experiment": experiment, "controller": kind, "N": rate, **counts}
-        rows.append(row | {"training_harmed": int(trained.harmed), "training_solved": int(trained.intact)})
-    return pd.DataFrame(rows)
-
-
-def rescue_by_champion(each: pd.DataFrame) -> pd.DataFrame:
-    """The counts of `rescue_over_all` for each champion, to compare two controllers champion by champion."""
-    rows = []
-    for experiment, kind, rate in _plasticities(each):
-        fates = pd.concat(_fates(each, experiment, scenario, kind, rate) for scenario in changed(each, experiment))
+        trained = _fates(each, experiment, TRAINED[experiment], kind, rate).groupby("genome", sort=False).sum()
         for genome, counts in fates.groupby("genome", sort=False).sum().iterrows():
-            rows.append({"experiment": experiment, "controller": kind, "N": rate, "genome": genome, **counts})
+            own = trained.loc[genome]
+            row = {"experiment": experiment, "controller": kind, "N": rate, "genome": genome, "solves": own.intact}
+            rows.append(row | {"training_harmed": own.harmed, **counts})
     return pd.DataFrame(rows)
 
 
-def retention(each: pd.DataFrame) -> pd.DataFrame:
+def rescue_over_all(by_champion: pd.DataFrame) -> pd.DataFrame:
+    """Rescue and harm over all changed worlds of an experiment together, and harm in the training world.
+
+    by_champion: of `rescue_by_champion`. Columns as in `rescue_and_harm`.
+    """
+    rows = []
+    plastic = by_champion[by_champion.controller != GA]
+    for cell, own in plastic.groupby(["experiment", "controller", "N"], sort=False):
+        row = dict(zip(("experiment", "controller", "N"), cell, strict=True))
+        row |= _counts(own[["broken", "rescued", "intact", "harmed"]])
+        rows.append(row | {"training_harmed": own.training_harmed.sum(), "training_solved": own.solves.sum()})
+    return pd.DataFrame(rows)
+
+
+def retention(by_champion: pd.DataFrame) -> pd.DataFrame:
     """How many of the trials solved in training succeed in the changed worlds, for the GA and for each plasticity.
 
     A trial here is a champion, a side and a changed world; it is solved in training if the GA solves that side in the
@@ -140,24 +146,20 @@ def retention(each: pd.DataFrame) -> pd.DataFrame:
     nothing that a change could break. There are therefore two rows for each plasticity: `solves` is "any" for all
     these trials, and "both" for those of champions that solve both sides in training.
 
-    Columns: experiment, controller, N, solves, champions (that have such trials), trials, retained, share, low, high.
+    by_champion: of `rescue_by_champion`. Columns: experiment, controller, N, solves, champions (that have such trials),
+    trials, retained, share, low, high.
     """
     rows = []
-    conditions = each[["experiment", "controller", "N"]].drop_duplicates().itertuples(index=False, name=None)
-    for experiment, kind, rate in conditions:
-        solved = _solved(each, experiment)
-        sides = solved.to_frame(index=False).groupby("genome", sort=False).side.nunique()
-        tests = [_outcomes(each, experiment, scenario, kind, rate) for scenario in changed(each, experiment)]
-        trial = pd.concat(tests) if tests else pd.Series(dtype=bool, index=solved[:0])
-        trial = trial[trial.index.isin(solved)]
+    for cell, own in by_champion.groupby(["experiment", "controller", "N"], sort=False):
         for solves, least in (("any", 1), ("both", 2)):
-            among = trial[trial.index.get_level_values("genome").isin(sides[sides >= least].index)]
-            retained, whole = _by_champion(among, among | ~among)
-            low, high = bootstrap_ratio(retained, whole, seed=0)
+            among = own[own.solves >= least]
+            retained = (among.intact - among.harmed + among.rescued).to_numpy(np.int64)
+            trials = (among.intact + among.broken).to_numpy(np.int64)
+            low, high = wilson_by_champion(retained, trials)
             rows.append(
-                {"experiment": experiment, "controller": kind, "N": rate, "solves": solves}
-                | {"champions": len(whole), "trials": int(whole.sum()), "retained": int(retained.sum())}
-                | {"share": _ratio(int(retained.sum()), int(whole.sum())), "low": low, "high": high}
+                dict(zip(("experiment", "controller", "N"), cell, strict=True))
+                | {"solves": solves, "champions": len(among), "trials": trials.sum(), "retained": retained.sum()}
+                | {"share": _ratio(int(retained.sum()), int(trials.sum())), "low": low, "high": high}
             )
     return pd.DataFrame(rows)
 
@@ -165,7 +167,7 @@ def retention(each: pd.DataFrame) -> pd.DataFrame:
 def dose_response(each: pd.DataFrame) -> pd.DataFrame:
     """Success, time to goal and weight change for each rate: means over champions; N = 0 is the GA.
 
-    Intervals are from a bootstrap. The mean of one champion has none, except for success, which has bounds.
+    The interval of success is from `wilson_by_champion`, those of the others are from a bootstrap.
     """
     rows = []
     shown = each[each.controller.isin([GA, *CONTROLS.values()])]
@@ -173,43 +175,55 @@ def dose_response(each: pd.DataFrame) -> pd.DataFrame:
         row = dict(zip(_CELL, cell, strict=True))
         for column in ("success", "time_to_goal_s", "weight_change_mean"):
             values = group.groupby("genome", sort=False)[column].mean().to_numpy(float)
-            low, high = bootstrap_mean(values, seed=0, bounds=(0, 1) if column == "success" else None)
-            mean = float(np.nanmean(values)) if np.isfinite(values).any() else float("nan")
-            row |= {column: mean, f"{column}_low": low, f"{column}_high": high}
+            shares = column == "success"
+            low, high = wilson_by_champion(values, np.ones(len(values))) if shares else bootstrap(mean, values)
+            known = values[np.isfinite(values)]
+            row |= {
+                column: float(known.mean()) if len(known) else float("nan"),
+                f"{column}_low": low,
+                f"{column}_high": high,
+            }
         rows.append(row)
     return pd.DataFrame(rows).sort_values([*_CELL[:3], "N"], kind="stable", ignore_index=True)
 
 
 RULE = (
-    "It *holds* where the interval of the share of trials in which it is true lies above one half, and *does not hold* "
-    "where the interval lies below. It is *mixed* where the interval contains one half and lies between one quarter "
-    "and three quarters, and *inconclusive* otherwise. A *check* has no interval: it passes or fails."
+    "A claim on a share *holds* where the interval of the share of trials in which it is true lies above one half, "
+    "and *does not hold* where the interval lies below. It is *mixed* where the interval contains one half and lies "
+    "between one quarter and three quarters, and *inconclusive* otherwise. A claim with a size is judged by its "
+    "effect: the change in percent, as a mean over champions. It *holds* where the interval of the effect lies on the "
+    "claimed side of zero (*smaller*: and does not reach the paper's effect). Else it *does not hold* where the "
+    "interval leaves out the paper's effect, and is *inconclusive* where it does not. Trials of fewer than six "
+    "champions are *too few*. A *check* has no interval: it passes or fails."
 )
 _MIXED = (0.25, 0.75)  # a wider interval is inconclusive
 
 
-def claim(text: str, counted: str, part: NDArray[np.int64], whole: NDArray[np.int64]) -> dict[str, Any]:
+def claim(
+    text: str, counted: str, part: NDArray[np.int64], whole: NDArray[np.int64], control: NDArray[np.int64] | None = None
+) -> dict[str, Any]:
     """A claim of the paper as a question to every trial that could show it: its counts, interval and verdict.
 
     counted: which trials these are, and what counts as true. part, whole: for each champion, in how many trials the
-    claim is true, of how many, (champions,).
+    claim is true, of how many, (champions,). control: in how many it is true with shuffled signs.
     """
-    true, n = int(part.sum()), int(whole.sum())
+    true, n, champions = int(part.sum()), int(whole.sum()), int((whole > 0).sum())
     low, high = wilson_by_champion(part, whole)
-    return (
-        {"claim": text, "counted": counted, "true": true, "n": n, "champions": int((whole > 0).sum())}
-        | {"share": _ratio(true, n), "low": low, "high": high}
-        | {"verdict": verdict(low, high, n)}
-    )
+    row = {"claim": text, "counted": counted, "true": true, "n": n, "champions": champions}
+    row |= {"share": _ratio(true, n), "low": low, "high": high}
+    if control is not None:
+        row |= dict(zip(("control_low", "control_high"), wilson_by_champion(control, whole), strict=True))
+        row |= {"control_true": int(control.sum()), "control_share": _ratio(int(control.sum()), n)}
+    return row | {"verdict": verdict(low, high, n, champions)}
 
 
-def verdict(low: float, high: float, n: int) -> str:
-    """The verdict of `RULE` on a claim whose share, among n trials, has this interval; (nan, nan): no trials.
+def verdict(low: float, high: float, n: int, champions: int) -> str:
+    """The verdict of `RULE` on a share that has this interval among n trials of some champions.
 
     The interval alone decides: 3 of 3 is not enough for any claim.
     """
-    if np.isnan(low) or np.isnan(high):
-        return "no trial to judge by"
+    if np.isnan(low):
+        return f"too few ({n} of {champions} champion{'s' * (champions != 1)})" if n else "no trial to judge by"
     if low > 0.5:
         return "holds"
     if high < 0.5:
@@ -217,50 +231,108 @@ def verdict(low: float, high: float, n: int) -> str:
     return "mixed" if _MIXED[0] <= low and high <= _MIXED[1] else f"inconclusive (n = {n})"
 
 
-def claims(each: pd.DataFrame) -> pd.DataFrame:
-    """The paper's claims, one row each. Column `champions`: how many have a trial that could show the claim."""
+def effect(before: pd.Series, after: pd.Series, paper: float, control: pd.Series) -> dict[str, Any]:
+    """The effect of a claim with a size: the change from before to after in percent, and the verdict of `RULE`.
+
+    before, after: values of trials, of which each champion gives one mean; control: those after with shuffled signs.
+    paper: the effect in the paper's tables; its sign is the claim.
+
+    Returns:
+        effect, effect_low, effect_high, control_effect, control_effect_low, control_effect_high, paper_effect [%],
+        effect_absolute, in the unit of the values; verdict.
+    """
+    row: dict[str, Any] = {"paper_effect": paper, "effect_absolute": _mean_of(after - before)[0]}
+    for prefix, values in (("", after), ("control_", control)):
+        keys = (f"{prefix}effect", f"{prefix}effect_low", f"{prefix}effect_high")
+        row |= dict(zip(keys, _mean_of(100 * (values / before - 1)), strict=True))
+    low, high = sorted(np.sign(paper) * row[f"effect_{end}"] for end in ("low", "high"))
+    if np.isnan(low):
+        return row | {"verdict": "too few"}
+    excluded = not low <= abs(paper) <= high
+    if low > 0:
+        return row | {"verdict": "holds, smaller" if excluded and high < abs(paper) else "holds"}
+    return row | {"verdict": "does not hold" if excluded else "inconclusive"}
+
+
+def _mean_of(values: pd.Series) -> tuple[float, float, float]:
+    """The mean over champions, each with the mean of its trials, and the interval."""
+    by_champion = values.groupby("genome", sort=False).mean().to_numpy(float)
+    known = by_champion[~np.isnan(by_champion)]
+    return (float(known.mean()) if len(known) else float("nan"), *bootstrap(mean, known))
+
+
+def claims(each: pd.DataFrame, published: pd.DataFrame) -> pd.DataFrame:
+    """The paper's claims, one row each; those on plasticity with shuffled signs beside them.
+
+    Column `champions`: how many have a trial that could show the claim. published: of `published.published_values`.
+    """
     present = set(each.experiment)
     return pd.DataFrame(
         {"experiment": experiment} | row
         for experiment, rows in (("light", _light_claims), ("obstacles", _obstacle_claims))
         if experiment in present
-        for row in (*rows(each), _unchanged(each, experiment))
-    )
+        for row in (*rows(each, published), _unchanged(each, experiment))
+    ).reindex(columns=["experiment", *_CLAIM])
 
 
-def _light_claims(each: pd.DataFrame) -> Iterator[dict[str, Any]]:
+_CLAIM = ["claim", "counted", "true", "n", "champions", "share", "low", "high"]
+_CLAIM += ["control_true", "control_share", "control_low", "control_high"]
+_CLAIM += ["effect", "effect_low", "effect_high", "effect_absolute", "paper_effect"]
+_CLAIM += ["control_effect", "control_effect_low", "control_effect_high", "verdict"]
+
+
+def _light_claims(each: pd.DataFrame, _: pd.DataFrame) -> Iterator[dict[str, Any]]:
     of, rate = partial(_outcomes, each, "light"), PAPER_N["light"]
     bright, dim = of("highlight", GA, 0.0), of("lowlight", GA, 0.0)
-    bright_plastic, dim_plastic = of("highlight", HEBBIAN, rate), of("lowlight", HEBBIAN, rate)
+    (bright_plastic, bright_control), (dim_plastic, dim_control) = (
+        [of(scenario, kind, rate) for kind in (HEBBIAN, SHUFFLED)] for scenario in ("highlight", "lowlight")
+    )
     broken = bright & ~dim
     yield _count("The GA fails in low light", "trials solved in high light: fail in low light", ~dim, bright)
-    yield _count(f"N = {rate:g} rescues it", "trials broken by low light: succeed", dim_plastic, broken)
-    yield _count("The same N harms in high light", "trials solved in high light: fail", ~bright_plastic, bright)
+    yield _count(f"N = {rate:g} rescues it", "trials broken by low light: succeed", dim_plastic, broken, dim_control)
+    harms, harm_counted = "The same N harms in high light", "trials solved in high light: fail"
+    yield _count(harms, harm_counted, ~bright_plastic, bright, ~bright_control)
     small = of("lowlight", HEBBIAN, PAPER_N["obstacles"])
     yield _either("A large change needs a large rate", broken, dim_plastic, small)
 
 
-def _obstacle_claims(each: pd.DataFrame) -> Iterator[dict[str, Any]]:
+def _obstacle_claims(each: pd.DataFrame, published: pd.DataFrame) -> Iterator[dict[str, Any]]:
     of, rate = partial(_outcomes, each, "obstacles"), PAPER_N["obstacles"]
     base = of("base", GA, 0.0)
     any_broken, any_small, any_large = [], [], []
     for scenario, count in (("2obstacles", 2), ("4obstacles", 4)):
-        alone, plastic = of(scenario, GA, 0.0), of(scenario, HEBBIAN, rate)
+        alone, plastic, control = of(scenario, GA, 0.0), of(scenario, HEBBIAN, rate), of(scenario, SHUFFLED, rate)
         broken = base & ~alone
         yield _count(f"{count} obstacles defeat the GA", "trials solved in base: fail", ~alone, base)
-        yield _count(f"N = {rate:g} rescues it at {count}", "trials broken by them: succeed", plastic, broken)
+        counted = "trials broken by them: succeed"
+        yield _count(f"N = {rate:g} rescues it at {count}", counted, plastic, broken, control)
         any_broken.append(broken)
         any_small.append(plastic)
         any_large.append(of(scenario, HEBBIAN, PAPER_N["light"]))
     yield _either("A small change needs a small rate", *map(pd.concat, (any_broken, any_small, any_large)))
-    none, two, four = (
-        of(scenario, HEBBIAN, rate, "weight_change_mean") for scenario in ("base", "2obstacles", "4obstacles")
-    )
+
+    def cell(controller: str, scenario: str, metric: str) -> pd.Series:
+        here = (published.controller == controller) & (published.scenario == scenario) & (published.metric == metric)
+        return published[here & (published.experiment == "obstacles")].set_index("side").published
+
+    change = "weight_change_mean"
+    none, two, four = (of(scenario, HEBBIAN, rate, change) for scenario in ("base", "2obstacles", "4obstacles"))
     grows = (none < two) & (two < four)
-    yield _count("Weight change grows with obstacles", "all trials: base < 2 < 4", grows, grows | ~grows)
-    alone, plastic = of("base", GA, 0.0, "time_to_goal_s"), of("base", HEBBIAN, rate, "time_to_goal_s")
-    both = alone.notna() & plastic.notna()
-    yield _count("Plasticity reaches the goal sooner", "trials of base in which both arrive", plastic < alone, both)
+    paper = cell(HEBBIAN, "4obstacles", change) / cell(HEBBIAN, "base", change) - 1
+    control = none * of("4obstacles", SHUFFLED, rate, change) / of("base", SHUFFLED, rate, change)
+    counted = "all trials: base < 2 < 4; effect: base to 4"
+    row = _count("Weight change grows with obstacles", counted, grows, grows | ~grows)
+    yield row | effect(none, four, 100 * float(paper.mean()), control)
+    time = "time_to_goal_s"
+    alone, plastic = of("base", GA, 0.0, time), of("base", HEBBIAN, rate, time)
+    paper = cell(HEBBIAN, "base", time) / cell(GA, "base", time) - 1
+    row = _count(
+        "Plasticity reaches the goal sooner",
+        "trials of base in which both arrive",
+        plastic < alone,
+        alone.notna() & plastic.notna(),
+    )
+    yield row | effect(alone, plastic, 100 * float(paper.mean()), of("base", SHUFFLED, rate, time))
 
 
 def _unchanged(each: pd.DataFrame, experiment: str) -> dict[str, Any]:
@@ -312,8 +384,13 @@ def _solved(each: pd.DataFrame, experiment: str) -> pd.Index:
     return alone[alone].index
 
 
-def _count(text: str, counted: str, true: pd.Series, among: pd.Series) -> dict[str, Any]:
-    return claim(text, counted, *_by_champion(true, among))
+def _count(
+    text: str, counted: str, true: pd.Series, among: pd.Series, control: pd.Series | None = None
+) -> dict[str, Any]:
+    part, whole = _by_champion(true, among)
+    return claim(
+        text, counted, part, whole, None if control is None or control.empty else _by_champion(control, among)[0]
+    )
 
 
 def _either(text: str, broken: pd.Series, own: pd.Series, other: pd.Series) -> dict[str, Any]:

@@ -1,9 +1,10 @@
 """The leaderboard: success of the champions of many methods in worlds that none of them was trained in.
 
 A *trial* is one champion, one side and one test world; it succeeds if more than half of its repeats do. Champions are
-the independent unit. Those of a method and of its matched control are evolved from the same seeds, and compared seed by
-seed. Reversal learning, the positive control, has no test worlds: there a trial is one of the many of a lifetime, and
-succeeds if it is rewarded. A first table has a row for each champion; the leaderboard is computed from it.
+the independent unit. Methods that are added to champions are compared with these, champion by champion; methods that
+evolve champions of their own, as two groups. Reversal learning, the positive control, has no test worlds: there a trial
+is one of the many of a lifetime, and succeeds if it is rewarded. A first table has a row for each champion; the
+leaderboard is computed from it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,9 +13,20 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from epuckhebb.analysis import findings, rescue
-from epuckhebb.analysis.statistics import bootstrap_mean, bootstrap_ratio, sign_flip, wilson
+from epuckhebb.analysis.statistics import (
+    bootstrap,
+    difference,
+    holm,
+    improvement,
+    interquartile_mean,
+    mean,
+    permutation,
+    sign_flip,
+    wilson_by_champion,
+)
 from epuckhebb.analysis.tables import Table, code, pictures
 from epuckhebb.tmaze.individual import CLASSES, GA
 from epuckhebb.tmaze.scenario import TRAINED
@@ -26,6 +38,12 @@ PLAIN, EVOLVED, POST_HOC = "plain", "evolved", "post_hoc"  # the kinds of method
 KINDS = {PLAIN: "no plasticity", EVOLVED: "plasticity during evolution", POST_HOC: "added after evolution"}
 SEEN = {"rescue": "best", "rescue_new_kinds": "find_and_stay"}  # sweep: the first method made in its worlds
 _OF_ROW = ("experiment", "method", "kind", "knowledge_class", "knowledge", "matched_control")
+_AGAINST = [
+    *("difference", "difference_low", "difference_high", "p"),
+    *("improvement", "improvement_low", "improvement_high"),
+]
+_BEST_PLAIN = [f"best_plain_{name}" for name in _AGAINST[:4]]
+_SAME_BUDGET = 0.1  # robot-steps may differ by this share
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,8 +113,9 @@ def table(rows: Sequence[Row], champions: pd.DataFrame) -> pd.DataFrame:
     for row in rows:
         own = _of(champions, row.experiment, row.method)
         solves = own[own.solves == 1]
-        solved_low, solved_high = wilson(len(solves), len(own))
-        trials, successes = own.trials.to_numpy(np.int64), own.successes.to_numpy(np.int64)
+        solved_low, solved_high = wilson_by_champion(own.solves.to_numpy(np.int64), np.ones(len(own), np.int64))
+        shares = _shares(own)
+        low, high = bootstrap(interquartile_mean, shares)
         found.append(
             {
                 **{name: getattr(row, name) for name in _OF_ROW},
@@ -104,28 +123,52 @@ def table(rows: Sequence[Row], champions: pd.DataFrame) -> pd.DataFrame:
                 "solved": len(solves),
                 "solved_low": solved_low,
                 "solved_high": solved_high,
-                "trials": int(trials.sum()),
-                "successes": int(successes.sum()),
+                "trials": int(own.trials.sum()),
+                "successes": int(own.successes.sum()),
                 **_success_of(own, "success"),
-                "best": (successes / trials).max(),
+                "iqm": float(interquartile_mean(shares)),
+                "iqm_low": low,
+                "iqm_high": high,
+                "best": shares.max(),
                 **_success_of(solves, "retention"),
-                **_against_control(own, _of(champions, row.experiment, row.matched_control)),
+                **_against(own, _of(champions, row.experiment, row.matched_control), paired=row.kind == POST_HOC),
                 "success_off": _share(own.successes_off, own.trials),
                 "success_inverted": _share(own.successes_inverted, own.trials),
                 "evolved_parameters": row.evolved_parameters,
                 "robot_steps": int(own.robot_steps.mean()),
             }
         )
-    board = pd.DataFrame(found)
+    board = _with_best_plain(pd.DataFrame(found), champions)
+    board.insert(board.columns.get_loc("p") + 1, "p_holm", np.nan)
+    board["best_plain_p_holm"] = np.nan
+    for _, own in board.groupby("experiment"):  # one correction for all p values of a table
+        corrected = holm([*own.p, *own.best_plain_p])
+        board.loc[own.index, ["p_holm", "best_plain_p_holm"]] = corrected.reshape(2, -1).T
     board["place"] = board.knowledge_class.map(CLASSES.index).where(board.experiment != REVERSAL, 0)
     order = ["experiment", "place", "success"]
     board = board.sort_values(order, ascending=[True, True, False], kind="stable", ignore_index=True)
     return board.drop(columns="place")
 
 
+def _with_best_plain(board: pd.DataFrame, champions: pd.DataFrame) -> pd.DataFrame:
+    """The difference of each method with plasticity to the best without it that took as many robot-steps."""
+    found: list[dict[str, Any]] = []
+    for row in board.itertuples():
+        plain = board[(board.experiment == row.experiment) & (board.kind == PLAIN)]
+        alike = plain[(plain.robot_steps / row.robot_steps - 1).abs() <= _SAME_BUDGET]
+        if row.kind == PLAIN or alike.empty:
+            found.append({"best_plain": ""})
+            continue
+        best = str(alike.method[alike.success.idxmax()])
+        own, other = (_of(champions, str(row.experiment), name) for name in (str(row.method), best))
+        against = _against(own, other, paired=row.kind == POST_HOC and row.matched_control == best)
+        found.append({"best_plain": best} | {f"best_plain_{name}": value for name, value in against.items()})
+    return board.join(pd.DataFrame(found, index=board.index, columns=["best_plain", *_BEST_PLAIN]))
+
+
 def _success_of(champions: pd.DataFrame, name: str) -> dict[str, float]:
     trials, successes = champions.trials.to_numpy(np.int64), champions.successes.to_numpy(np.int64)
-    low, high = bootstrap_ratio(successes, trials, seed=0)
+    low, high = wilson_by_champion(successes, trials)
     share = successes.sum() / trials.sum() if len(trials) else np.nan
     return {name: share, f"{name}_low": low, f"{name}_high": high}
 
@@ -138,16 +181,29 @@ def _of(champions: pd.DataFrame, experiment: str, method: str) -> pd.DataFrame:
     return champions[(champions.experiment == experiment) & (champions.method == method)]
 
 
-def _against_control(own: pd.DataFrame, matched_control: pd.DataFrame) -> dict[str, float]:
-    """The difference in success to the matched control, paired by the seed of the champions."""
-    if matched_control.empty:
-        return dict.fromkeys(("difference", "difference_low", "difference_high", "sign_flip_p"), np.nan)
-    both = own.merge(matched_control, on="seed", suffixes=("", "_control"), validate="one_to_one")
-    more = (both.successes - both.successes_control).to_numpy(np.int64)
-    shares = more / both.trials.to_numpy(np.int64)
-    low, high = bootstrap_mean(shares, seed=0, bounds=(-1, 1))
-    means = {"difference": float(shares.mean()), "difference_low": low, "difference_high": high}
-    return means | {"sign_flip_p": sign_flip(more)}
+def _shares(champions: pd.DataFrame) -> NDArray[np.float64]:
+    shares: NDArray[np.float64] = (champions.successes / champions.trials).to_numpy(float)
+    return shares
+
+
+def _against(own: pd.DataFrame, others: pd.DataFrame, *, paired: bool) -> dict[str, float]:
+    """The difference in success to the champions of another method, and the probability that one exceeds theirs.
+
+    paired: whether they are the same champions, by their seed. That champions which evolved apart have the same seed
+    makes them no pair: they are two groups.
+    """
+    if others.empty:
+        return dict.fromkeys(_AGAINST, np.nan)
+    ours, theirs = _shares(own), _shares(others)
+    if paired:
+        theirs = _shares(own[["seed"]].merge(others, on="seed", validate="one_to_one"))
+        low, high = bootstrap(mean, ours - theirs)
+        p = sign_flip(np.rint((ours - theirs) * own.trials.to_numpy()).astype(np.int64))
+    else:
+        low, high = bootstrap(difference, ours, theirs)
+        p = permutation(own.successes.to_numpy(np.int64), others.successes.to_numpy(np.int64))
+    better = (float(improvement(ours, theirs)), *bootstrap(improvement, ours, theirs))
+    return dict(zip(_AGAINST, (float(ours.mean() - theirs.mean()), low, high, p, *better), strict=True))
 
 
 def readable(own: pd.DataFrame, worlds: pd.DataFrame, costs: pd.DataFrame | None = None) -> Table:
@@ -164,21 +220,24 @@ def readable(own: pd.DataFrame, worlds: pd.DataFrame, costs: pd.DataFrame | None
     apart = [f"in {code(name)}{f', seen by {code(SEEN[name])}' if name in SEEN else ''}" for name in shares]
     headings = ["method", "kind", "learn" if learning else "solves both sides in training"]
     headings += ["rewarded share" if learning else "success over the test worlds", *apart]
-    headings += [
-        "of those that learn" if learning else "retention",
-        "best champion",
-        "difference to the matched control",
-    ]
+    headings += ["interquartile mean", "of those that learn" if learning else "retention", "best champion"]
+    headings += ["difference to the matched control", "difference to the best without plasticity"]
     headings += ["rule off", *(["reward inverted"] if learning else []), "evolved parameters", "million robot-steps"]
     headings += [] if costs is None else ["CPU s to evolve", "CPU s to test"]
     rows = []
     for row in own.itertuples():
-        control = f"{rescue.difference(row)}, p = {row.sign_flip_p:.2g}, to {code(row.matched_control)}"
+        control = f"{rescue.difference(row)}, p = {row.p_holm:.2g}, to {code(row.matched_control)}"
+        control += f"; better with {rescue.share(row.improvement, row.improvement_low, row.improvement_high)}"
+        names = [f"best_plain_{name}" for name in ("difference", "difference_low", "difference_high", "p_holm")]
+        value, low, high, p = (getattr(row, name) for name in names)
+        plain = f"{rescue.signed(value, low, high)}, p = {p:.2g}, to {code(row.best_plain)}"
         cells = [code(row.method), row.kind, f"{row.solved} of {row.champions}"]
         cells += [f"**{rescue.share(row.success, row.success_low, row.success_high)}**"]
         cells += [f"{share:.2f}" for share in shares.loc[str(row.method)]]
+        cells += [rescue.share(row.iqm, row.iqm_low, row.iqm_high)]
         cells += [rescue.share(row.retention, row.retention_low, row.retention_high), f"{row.best:.2f}"]
-        cells += [control if row.matched_control else "–", rescue.share(row.success_off)]
+        cells += [control if row.matched_control else "–", plain if row.best_plain else "–"]
+        cells += [rescue.share(row.success_off)]
         cells += [rescue.share(row.success_inverted)] if learning else []
         cells += [f"{row.evolved_parameters}", f"{row.robot_steps / 1e6:.1f}"]
         if costs is not None:
@@ -227,7 +286,7 @@ def title(experiment: str) -> str:
 
 
 _TERMS_REVERSAL = """\
-The positive control: a task that cannot be solved without plasticity.
+The positive control: a task that cannot be solved without memory of the reward.
 
 - A *trial* is one of the many of a lifetime. It succeeds if the robot reaches the rewarded end. At a trial that is
   drawn, or never, the other end becomes the rewarded one.
@@ -245,8 +304,13 @@ _TERMS = """\
 - *Best champion*: the success of the champion that does best in these trials. It is chosen by this number, which is
   therefore a little too high.
 - *Matched control*: the same optimizer, training worlds, fitness and robot-steps, without plasticity. For a method
-  added after evolution: the same champions without it. The difference is paired by seed; p is from an exact sign-flip
-  test.
+  added after evolution: the same champions without it. That difference is paired, and p is from an exact sign-flip
+  test. Champions that evolved apart are two groups: p is from an exact permutation test. *Better with*: the probability
+  that a champion of the method exceeds one of the control.
+- *Best without plasticity*: of the methods that took as many robot-steps, to a tenth, the one with the highest success.
+  It is chosen by this number, which is therefore a little too high.
+- All p values of a table are corrected together (Holm).
+- *Interquartile mean*: of the champions without the best and the worst quarter.
 - *Knowledge*: what a method uses. Rows are ordered by class of knowledge: senses, live fitness, clock, goal signal,
   sensor model; last the hand-written robot, whose network is never used. Compare a row with `stay`, which halts where
   it is given the goal signal, and with `hand_written`: that much comes of the knowledge alone.
@@ -255,10 +319,11 @@ _TERMS = """\
 - *Evolved parameters*, *robot-steps* and CPU seconds are of one champion, with the evolution of the champion that a
   method is added to. CPU seconds depend on the machine: they are on this page and in `cost.csv` alone. All other
   tables are bit-identical when they are made again.
-- Intervals are 95 %, by champion. With fewer than eight champions a difference between methods means nothing.
+- Intervals are 95 %, by champion; fewer than six have none. Those of shares are Wilson's with the design effect of
+  champions, the others are from a bootstrap.
 """
 CAPTION = (
     "Left: success over the test worlds, or share of rewarded trials, of each method, with its 95 % interval. Small "
     "dots are single champions. A cross is the same with the rule off, a triangle with the reward inverted. Right: the "
-    "difference to the matched control, paired by champion."
+    "difference to the matched control."
 )

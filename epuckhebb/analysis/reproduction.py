@@ -117,10 +117,10 @@ def tables_of(metrics: pd.DataFrame, paper: Mapping[str, Any]) -> dict[str, pd.D
     return {
         "metrics": metrics,
         "trials": each,
-        "claims": findings.claims(each),
+        "claims": findings.claims(each, published.published_values(paper)),
         "success": findings.success(each),
         "rescue_and_harm": findings.rescue_and_harm(each),
-        "retention": findings.retention(each),
+        "retention": findings.retention(findings.rescue_by_champion(each)),
         "dose_response": findings.dose_response(each),
         "comparison": published.compare(published.published_values(paper), each, shown),
     }

@@ -49,8 +49,8 @@ def markdown(
     """The page. over_all, by_scenario, retention: tables of `findings`; names: of the champions, in a few words."""
     parts = [
         "# Rescue and harm\n",
-        f"{champions} champions of each experiment, {names}. {trial(repeats)} {COUNTED} Intervals are 95 %, from a "
-        "bootstrap over champions.\n",
+        f"{champions} champions of each experiment, {names}. {trial(repeats)} {COUNTED} Intervals are 95 %, over "
+        "champions; fewer than six have none.\n",
     ]
     for experiment, own in over_all.groupby("experiment", sort=False):
         own_scenarios, training = by_scenario[by_scenario.experiment == experiment], TRAINED[str(experiment)]
@@ -91,7 +91,12 @@ def counts(row: Any) -> list[str]:
 
 def difference(row: Any) -> str:
     """The difference of a row with its interval."""
-    return f"{row.difference:+.2f} [{row.difference_low:+.2f}, {row.difference_high:+.2f}]"
+    return signed(row.difference, row.difference_low, row.difference_high)
+
+
+def signed(value: float, low: float, high: float) -> str:
+    """A number with its sign, and its interval if that is known."""
+    return f"{value:+.2f}" if np.isnan(low) else f"{value:+.2f} [{low:+.2f}, {high:+.2f}]"
 
 
 def share(value: float, low: float = np.nan, high: float = np.nan) -> str:

@@ -22,7 +22,7 @@ def table(metrics: pd.DataFrame, trials: pd.DataFrame, task: Task, seed: int) ->
     rows: list[tuple[Any, ...]] = []
     for name, lifetimes in metrics.groupby("controller", sort=False):
         pairs = lifetimes.groupby("repeat").rewarded_share.mean().to_numpy()
-        low, high = statistics.bootstrap_mean(pairs, seed, (0.0, 1.0))
+        low, high = statistics.bootstrap(statistics.mean, pairs, seed=seed)
         ends = (trials.reached_side[trials.controller == name] != "").mean()
         rows.append((name, len(lifetimes), pairs.mean(), low, high, ends))
     rows += [(name, None, share, None, None, None) for name, share in task.limits().items()]

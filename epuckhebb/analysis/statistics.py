@@ -3,11 +3,14 @@
 A *trial* is one champion on one side of the maze. It succeeds if most of its repeats do. The two sides of a champion
 share one genome, as two eyes share one patient, and often succeed or fail together. They are one cluster of trials
 here: no interval and no p value takes them for two independent animals. Repeats only decide whether a trial succeeds.
+
+Fewer than `LEAST` champions say nothing about others: there is then no interval.
 """
 
 import math
 from collections import Counter
-from functools import cache
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,65 +18,75 @@ from numpy.typing import NDArray
 from epuckhebb.controller import random
 from epuckhebb.controller.random import Stream
 
+LEAST = 6  # champions
 RESAMPLES = 2000
 _UNKNOWN = (math.nan, math.nan)
+Statistic = Callable[..., NDArray[np.float64]]
 
 
-@cache
-def wilson(successes: int, n: int) -> tuple[float, float]:
-    """Wilson's 95 % interval of a proportion among n independent cases.
+def wilson(share: float, n: float) -> tuple[float, float]:
+    """Wilson's 95 % interval of a share among n independent cases; n may be an effective number, with a fraction.
 
-    It is for one trial of each champion: one side, or "both sides" as one outcome. For trials on both sides see
-    `wilson_by_champion`. Source: Wilson, J. Am. Stat. Assoc. 22 (1927) 209; computed by scipy.
+    It is for the lifetimes of one champion, which differ in their noise alone. For champions see `wilson_by_champion`.
+    Source: Wilson, J. Am. Stat. Assoc. 22 (1927) 209.
 
     Returns:
         Lower and upper end; (nan, nan) without cases.
-
-    Raises:
-        ValueError: there are more successes than cases, or fewer than none.
     """
-    if n == 0:
+    if not n:
         return _UNKNOWN
     from scipy import stats  # slow to load; most commands do not need it
 
-    interval = stats.binomtest(successes, n).proportion_ci(0.95, method="wilson")
-    return float(interval.low), float(interval.high)
+    z = float(stats.norm.ppf(0.975))
+    middle = share + z * z / (2 * n)
+    away = z * math.sqrt(share * (1 - share) / n + z * z / (4 * n * n))
+    low, high = (middle - away) / (1 + z * z / n), (middle + away) / (1 + z * z / n)
+    return min(max(low, 0.0), share), max(min(high, 1.0), share)
 
 
-def wilson_by_champion(part: NDArray[np.int64], whole: NDArray[np.int64]) -> tuple[float, float]:
+def wilson_by_champion(part: NDArray[Any], whole: NDArray[Any]) -> tuple[float, float]:
     """Wilson's 95 % interval of the share sum(part) / sum(whole), with as many cases as the trials are worth.
 
     Two sides that always succeed or fail together are worth one trial; two independent sides are worth two. The
     design effect measures it: the variance of the share between champions, over the variance of independent trials.
     The effective number of cases is the number of trials divided by it, and never more than the number of trials.
-    Where all champions have the same share, each champion counts as one case: 3 successes of 3 by two champions are
-    no surer than 2 of 2. With one trial from each champion this is `wilson`.
+    With one trial from each champion this is Wilson's interval of champions.
 
-    A bootstrap over champions would have no width where all champions agree, and is too narrow near 0 and 1 with few
-    champions. Most claims of the paper are such cases.
+    The design effect is unknown where all champions agree, and too small where few differ: four harmed trials of 1021
+    would be surer than none. So it is taken with one champion more, of average size, half of which succeeds in all its
+    trials and half in none, as Agresti and Coull add cases. Each of forty champions that agree then counts as one
+    case. In simulations with 6 to 40 champions of 2 to 74 trials the interval covers the true share in 92 to 99 %;
+    without the champion more in as little as 72 %, and a bootstrap over champions in 25 %, where the share is small.
 
     Sources: the variance of a ratio over clusters and the effective number of cases are those of Rao & Scott,
     Biometrics 48 (1992) 577, the design effect that of Kish, *Survey Sampling* (1965). That the effective
     number is never more than the number of trials follows Parker et al., Vital Health Stat. 2 (175) (2017). Wilson's
-    interval with it is among the best of those compared by Dean & Pagano, J. Surv. Stat. Methodol. 3 (2015) 484.
+    interval with it is among the best of those compared by Dean & Pagano, J. Surv. Stat. Methodol. 3 (2015) 484. Cases
+    more: Agresti & Coull, Am. Stat. 52 (1998) 119.
 
     Args:
         part: for each champion, how many of its trials are true, (champions,).
         whole: for each champion, how many trials it had, (champions,); champions without trials do not count.
 
     Returns:
-        Lower and upper end; (nan, nan) without trials.
+        Lower and upper end; (nan, nan) if fewer than `LEAST` champions have trials.
+
+    Raises:
+        ValueError: counts that cannot be.
     """
-    _check(part, whole)
-    champions, trials, true = int((whole > 0).sum()), int(whole.sum()), int(part.sum())
-    if not trials:
+    if part.shape != whole.shape or part.ndim != 1:
+        raise ValueError(f"one number for each champion is needed, got shapes {part.shape} and {whole.shape}")
+    if (part < 0).any() or (part > whole).any():
+        raise ValueError("a champion's true trials must be between none and all of its trials")
+    champions, trials, true = int((whole > 0).sum()), float(whole.sum()), float(part.sum())
+    if champions < LEAST:
         return _UNKNOWN
-    share = true / trials
-    if _agree(part, whole):
-        return _score_interval(share, champions)
-    between = champions / (champions - 1) * float(((part - share * whole) ** 2).sum()) / trials**2
-    independent = share * (1 - share) / (trials - 1)
-    return _score_interval(share, trials / max(1.0, between / independent))
+    size = trials / champions
+    share = (true + size / 2) / (trials + size)  # of the champions and the one more
+    squares = float(((part - share * whole) ** 2).sum()) + ((share * size) ** 2 + ((1 - share) * size) ** 2) / 2
+    between = (champions + 1) / champions * squares / (trials + size) ** 2
+    independent = share * (1 - share) / (trials + size - 1)
+    return wilson(true / trials, trials / max(1.0, between / independent))
 
 
 def sign_flip(differences: NDArray[np.int64]) -> float:
@@ -108,87 +121,110 @@ def sign_flip(differences: NDArray[np.int64]) -> float:
     return sum(count for total, count in ways.items() if abs(total) >= observed) / ways.total()
 
 
-def bootstrap_mean(
-    values: NDArray[np.float64], seed: int, bounds: tuple[float, float] | None = None
-) -> tuple[float, float]:
-    """95 % percentile bootstrap interval of the mean of one value a champion; champions are resampled.
+def sign_flip_of_shares(differences: NDArray[np.float64]) -> float:
+    """Two-sided p value of paired differences of shares, one a champion, whose trials differ in number.
 
-    Where all champions have the same value, resampling has no width. If the values have bounds, the interval is then
-    that of `_unseen`. Without bounds both ends are the value, and unknown for one champion. Champions without a value
-    (nan) are left out.
-
-    Source: Efron & Tibshirani, *An Introduction to the Bootstrap* (1993), chapter 13. Bias-corrected (BCa) intervals
-    are undefined where all values agree, which is common here; percentiles are not.
-
-    Args:
-        values: one for each champion, (champions,).
-        seed: of the resampling.
-        bounds: the least and the greatest possible value of a champion, if any.
-
-    Returns:
-        Lower and upper end; (nan, nan) without values, or with one value and no bounds.
+    The test is `sign_flip`'s. It is exact for up to sixteen champions, and otherwise from 99,999 choices of signs.
     """
-    known = values[~np.isnan(values)]
-    if len(known) == 0 or (len(known) == 1 and bounds is None):
-        return _UNKNOWN
-    if bounds is not None and (known == known[0]).all():
-        return _unseen(float(known[0]), len(known), *bounds)
-    drawn = random.rng(seed, Stream.bootstrap).integers(0, len(known), (RESAMPLES, len(known)))
-    low, high = np.percentile(known[drawn].mean(axis=1), [2.5, 97.5])
-    return float(low), float(high)
-
-
-def bootstrap_ratio(part: NDArray[np.int64], whole: NDArray[np.int64], seed: int) -> tuple[float, float]:
-    """95 % percentile bootstrap interval of sum(part) / sum(whole); champions are resampled with all their trials.
-
-    It is for champions with many trials each, in many worlds. Where all champions have the same share, the interval
-    is that of `_unseen`; for a share of 0 or 1 that is Wilson's with champions as cases. Source: as of
-    `bootstrap_mean`; for whole clusters, Davison & Hinkley, *Bootstrap Methods and their Application* (1997), 3.8.
-
-    part, whole: as of `wilson_by_champion`. seed: of the resampling. Returns the lower and the upper end, with the
-    share between them; (nan, nan) without trials.
-    """
-    _check(part, whole)
-    if not whole.sum():
-        return _UNKNOWN
-    share = float(part.sum() / whole.sum())
-    if _agree(part, whole):
-        return _unseen(share, int((whole > 0).sum()), 0.0, 1.0)
-    drawn = random.rng(seed, Stream.bootstrap).integers(0, len(whole), (RESAMPLES, len(whole)))
-    wholes = whole[drawn].sum(axis=1)
-    low, high = np.percentile(part[drawn].sum(axis=1)[wholes > 0] / wholes[wholes > 0], [2.5, 97.5])
-    return min(float(low), share), max(float(high), share)
-
-
-def _check(part: NDArray[np.int64], whole: NDArray[np.int64]) -> None:
-    if part.shape != whole.shape or part.ndim != 1:
-        raise ValueError(f"one number for each champion is needed, got shapes {part.shape} and {whole.shape}")
-    if (part < 0).any() or (part > whole).any():
-        raise ValueError("a champion's true trials must be between none and all of its trials")
-
-
-def _agree(part: NDArray[np.int64], whole: NDArray[np.int64]) -> bool:
-    """Whether every champion that had trials has the same share."""
-    return bool((part * whole.sum() == part.sum() * whole).all())
-
-
-def _score_interval(share: float, n: float) -> tuple[float, float]:
-    """Wilson's 95 % interval at this share for n > 0 cases; scipy's takes whole numbers only."""
     from scipy import stats
 
-    z = float(stats.norm.ppf(0.975))
-    middle = share + z * z / (2 * n)
-    away = z * math.sqrt(share * (1 - share) / n + z * z / (4 * n * n))
-    low, high = (middle - away) / (1 + z * z / n), (middle + away) / (1 + z * z / n)
-    return min(max(low, 0.0), share), max(min(high, 1.0), share)
+    known = differences[~np.isnan(differences)]
+    if not known.any():
+        return 1.0
+    test = stats.permutation_test(
+        (known,), np.mean, permutation_type="samples", n_resamples=99_999, random_state=random.rng(0, Stream.bootstrap)
+    )
+    return float(test.pvalue)
 
 
-def _unseen(value: float, champions: int, least: float, most: float) -> tuple[float, float]:
-    """The interval of the mean over all champions if those that were examined have the same value.
+def permutation(ours: NDArray[np.int64], others: NDArray[np.int64]) -> float:
+    """Exact two-sided p value of the difference in mean of two groups of champions that have nothing in common.
 
-    If none of n champions differs, a share of all champions up to Wilson's upper end for 0 of n may still differ, with
-    any value between the least and the most. For a share of 0 or 1 this is Wilson's interval for 0 of n or n of n. The
-    rule of three argues in the same way: Hanley & Lippman-Hand, J. Am. Med. Assoc. 249 (1983) 1743.
+    It is for methods that evolve champions of their own: that two champions have the same seed makes them no pair. If
+    the methods were equal, each division of all champions into two groups of these sizes was equally likely. p is the
+    share of divisions in which the means differ by at least as much. They are counted, as in `sign_flip`.
+
+    Source: Pitman, Suppl. J. R. Stat. Soc. 4 (1937) 119; Good (2005), as of `sign_flip`.
+
+    ours, others: whole numbers, one for each champion, (champions,) each.
     """
-    different = wilson(0, champions)[1]
-    return value - different * (value - least), value + different * (most - value)
+    both = np.concatenate([ours, others])
+    ways: dict[int, Counter[int]] = {0: Counter({0: 1})}  # size of the first group: its sum: how many divisions
+    for value in both.tolist():
+        for size in sorted(ways, reverse=True):
+            if size < len(ours):
+                larger = ways.setdefault(size + 1, Counter())
+                for total, count in ways[size].items():
+                    larger[total + value] += count
+    middle = int(both.sum()) * len(ours)  # of sums of the first group, times the number of all champions
+    observed = abs(int(ours.sum()) * len(both) - middle)
+    divisions = ways[len(ours)]
+    return (
+        sum(count for total, count in divisions.items() if abs(total * len(both) - middle) >= observed)
+        / divisions.total()
+    )
+
+
+def holm(p: Sequence[float]) -> NDArray[np.float64]:
+    """The p values of a table, corrected for their number; nan stays nan and does not count.
+
+    The least is multiplied by the number of tests, the next by one less, and so on; none falls below one before it.
+    Source: Holm, Scand. J. Stat. 6 (1979) 65.
+    """
+    values = np.asarray(p, float)
+    order = np.argsort(values)[: int((~np.isnan(values)).sum())]  # nan is sorted last
+    corrected = np.full(len(values), np.nan)
+    corrected[order] = np.minimum(np.maximum.accumulate(values[order] * np.arange(len(order), 0, -1)), 1.0)
+    return corrected
+
+
+def bootstrap(statistic: Statistic, *groups: NDArray[np.float64], seed: int = 0) -> tuple[float, float]:
+    """95 % percentile bootstrap interval of a statistic of champions; those of each group are resampled apart.
+
+    Champions without a value (nan) are left out. Where all have the same value, no resample has another: nothing is
+    then known of the width.
+
+    Source: Efron & Tibshirani, *An Introduction to the Bootstrap* (1993), chapter 13. Bias-corrected (BCa) intervals
+    are undefined where nearly all values agree, which is common here; percentiles are not.
+
+    Args:
+        statistic: of resamples of each group, (resamples, champions) each; gives (resamples,).
+        groups: one value for each champion, (champions,) each.
+        seed: of the resampling.
+
+    Returns:
+        Lower and upper end; (nan, nan) if a group has fewer than `LEAST` values, or if all agree.
+    """
+    known = [values[~np.isnan(values)] for values in groups]
+    if min(map(len, known)) < LEAST:
+        return _UNKNOWN
+    rng = random.rng(seed, Stream.bootstrap)
+    drawn = [values[rng.integers(0, len(values), (RESAMPLES, len(values)))] for values in known]
+    low, high = np.percentile(statistic(*drawn), [2.5, 97.5])
+    return (float(low), float(high)) if low < high else _UNKNOWN
+
+
+def mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The mean over champions, the last axis."""
+    return np.asarray(values.mean(axis=-1))
+
+
+def difference(ours: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The difference in mean of two groups of champions that have nothing in common."""
+    return mean(ours) - mean(others)
+
+
+def interquartile_mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The mean of the middle half of the champions: neither the best nor the worst quarter counts.
+
+    Source: Agarwal et al., NeurIPS 34 (2021) 29304.
+    """
+    from scipy import stats
+
+    return np.asarray(stats.trim_mean(values, 0.25, axis=-1))
+
+
+def improvement(ours: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The probability that a champion of ours exceeds one of the others; a tie counts one half. Source: as above."""
+    against = ours[..., :, None] - others[..., None, :]
+    return np.asarray((np.sign(against) / 2 + 0.5).mean(axis=(-2, -1)))

@@ -8,12 +8,13 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from epuckhebb.analysis import findings, rescue
 from epuckhebb.analysis.evaluate import MEANS
 from epuckhebb.analysis.lifetimes import is_of_plasticity
-from epuckhebb.analysis.statistics import bootstrap_mean, wilson
+from epuckhebb.analysis.statistics import bootstrap, mean, wilson, wilson_by_champion
 from epuckhebb.analysis.tables import Table, code, plain
 from epuckhebb.tmaze.individual import GA
 from epuckhebb.tmaze.maze import SIDES
@@ -23,8 +24,7 @@ _TRIAL = ["experiment", "scenario", "controller", "N", "genome", "side", "seed",
 _SUCCESS = ("n", "success", "success_noise_low", "success_noise_high")
 _REWARDED = "rewarded_share"  # the last mean, where a lifetime is many trials
 _MOST = 60  # rows of a table of success beside one of rescue and harm
-_SHARE = 0.0, 1.0
-_BOUNDS = {"success": _SHARE, "weight_change_mean": None, "saturated_fraction": _SHARE, _REWARDED: _SHARE}  # of means
+_MEANS = ("success", "weight_change_mean", "saturated_fraction", _REWARDED)  # over champions
 
 
 def summary(rows: pd.DataFrame, settings: list[str]) -> pd.DataFrame:
@@ -39,7 +39,7 @@ def summary(rows: pd.DataFrame, settings: list[str]) -> pd.DataFrame:
     found: list[dict[str, Any]] = []
     for condition, lifetimes in rows.groupby(by, sort=False):
         successes, n = int(lifetimes.success.sum()), len(lifetimes)
-        row = dict(zip([*by, *_SUCCESS], (*condition, n, successes / n, *wilson(successes, n)), strict=True))
+        row = dict(zip([*by, *_SUCCESS], (*condition, n, successes / n, *wilson(successes / n, n)), strict=True))
         row["n_reached"] = int(lifetimes.time_to_goal_s.notna().sum())
         found.append(row | lifetimes[means].mean().to_dict())
     return pd.DataFrame(found) if found else pd.DataFrame(columns=[*by, *_SUCCESS])
@@ -59,7 +59,7 @@ def over_champions(rows: pd.DataFrame, settings: list[str]) -> pd.DataFrame:
 
 
 def _numeric(rows: pd.DataFrame) -> pd.DataFrame:
-    return rows.assign(**{name: pd.to_numeric(rows[name]) for name in ("N", *_BOUNDS, *MEANS) if name in rows})
+    return rows.assign(**{name: pd.to_numeric(rows[name]) for name in ("N", *_MEANS, *MEANS) if name in rows})
 
 
 def _rewarded(rows: pd.DataFrame) -> list[str]:
@@ -70,14 +70,15 @@ def _rewarded(rows: pd.DataFrame) -> list[str]:
 def _means(lifetimes: pd.DataFrame, *, several: bool = True) -> dict[str, float]:
     """Means over champions and their intervals; for one champion, over its lifetimes, and about the noise."""
     means: dict[str, float] = {"champions": lifetimes.genome.nunique(), "lifetimes": len(lifetimes)}
-    for column, bounds in _BOUNDS.items():
+    for column in _MEANS:
         if column == _REWARDED and not _rewarded(lifetimes):
             continue
         values = lifetimes.groupby("genome", sort=False)[column].mean() if several else lifetimes[column]
-        if several or column != "success":
-            low, high = bootstrap_mean(values.to_numpy(float), seed=0, bounds=bounds)
+        each = values.to_numpy(float)
+        if column != "success":
+            low, high = bootstrap(mean, each)
         else:
-            low, high = wilson(int(values.sum()), len(values))
+            low, high = wilson_by_champion(each, np.ones(len(each))) if several else wilson(each.mean(), len(each))
         means |= {column: values.mean(), f"{column}_low": low, f"{column}_high": high}
     return means
 
@@ -132,13 +133,13 @@ def rescue_and_harm(rows: pd.DataFrame) -> tuple[dict[str, pd.DataFrame], str] |
         return None
     lifetimes = _numeric(rows)
     each = findings.trials(lifetimes)
-    over_all, by_scenario = findings.rescue_over_all(each), findings.rescue_and_harm(each)
-    retention = findings.retention(each)
+    by_champion, by_scenario = findings.rescue_by_champion(each), findings.rescue_and_harm(each)
+    over_all, retention = findings.rescue_over_all(by_champion), findings.retention(by_champion)
     champions = int(each.groupby("experiment").genome.nunique().max())
     seeds = f"{code(each.genome.iloc[0])} to {code(each.genome.iloc[-1])}"
     page = rescue.markdown(over_all, by_scenario, retention, champions, lifetimes.repeat.nunique(), seeds)
     found = {"rescue_over_all": over_all, "rescue_and_harm": by_scenario, "retention": retention}
-    found["rescue_by_champion"] = findings.rescue_by_champion(each)
+    found["rescue_by_champion"] = by_champion
     return found, page
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from epuckhebb.analysis.statistics import bootstrap_mean, wilson
+from epuckhebb.analysis.statistics import bootstrap, mean, wilson_by_champion
 from epuckhebb.analysis.tables import Table, code
 from epuckhebb.flock.plane import CHANGE_S, SAMPLE_S, Flock, Record
 
@@ -21,7 +21,6 @@ METRICS = (
     "least_gap_m",
 )  # fmt: skip
 _GOOD = 0.9  # cosine of heading to the goal
-_BOUNDS = dict.fromkeys(("before", "just_after", "long_after"), (-1.0, 1.0))
 WHAT_BREAKS = {
     "stranger": "a robot that knows nothing breaks",
     "knower": "a robot that knows the way breaks",
@@ -68,15 +67,15 @@ def table(runs: pd.DataFrame, seed: int) -> pd.DataFrame:
     frozen = runs[runs.coupling == "frozen"].set_index([*CONDITION[:-1], "seed"]).long_after
     rows = []
     for condition, own in runs.groupby(list(CONDITION), sort=False):
-        good = int((own.long_after > _GOOD).sum())
-        row = dict(zip(CONDITION, condition, strict=True)) | {"runs": len(own), "good": good / len(own)}
-        row["good_low"], row["good_high"] = wilson(good, len(own))
+        good = (own.long_after > _GOOD).to_numpy(np.int64)
+        row = dict(zip(CONDITION, condition, strict=True)) | {"runs": len(own), "good": good.mean()}
+        row["good_low"], row["good_high"] = wilson_by_champion(good, np.ones_like(good))
         paired = own.set_index([*CONDITION[:-1], "seed"]).long_after
         values = {name: own[name] for name in METRICS} | {"difference": paired - frozen.loc[paired.index]}
         for name, each in values.items():
             row[name] = each.min() if name == "least_gap_m" else each.mean()
             if name != "least_gap_m":
-                row[f"{name}_low"], row[f"{name}_high"] = bootstrap_mean(each.to_numpy(), seed, _BOUNDS.get(name))
+                row[f"{name}_low"], row[f"{name}_high"] = bootstrap(mean, each.to_numpy(), seed=seed)
         rows.append(row)
     return pd.DataFrame(rows)
 
@@ -85,7 +84,7 @@ def curves(minutes: pd.DataFrame, seed: int) -> pd.DataFrame:
     """The mean over flocks at each minute, with its interval. minutes: a row for each run and minute."""
     rows = []
     for (breaks, coupling, minute), own in minutes.groupby(["breaks", "coupling", "minute"], sort=False):
-        low, high = bootstrap_mean(own.cosine.to_numpy(), seed, (-1.0, 1.0))
+        low, high = bootstrap(mean, own.cosine.to_numpy(), seed=seed)
         found = {"breaks": breaks, "coupling": coupling, "minute": minute}
         rows.append({**found, "cosine": own.cosine.mean(), "cosine_low": low, "cosine_high": high})
     return pd.DataFrame(rows)

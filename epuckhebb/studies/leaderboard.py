@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 EXPERIMENTS = (*TRAINED, REVERSAL)
 QUICK = ("champions=2", "tests=[rescue]", "methods=[ga,sep_cma_es_varied,abcd_shared]")
 _METHODS = "methods="
-_SHOWN = ((0, 1, 3, 4, 7), (0, 1, 2, 3, 6))  # columns in the terminal; those of reversal learning last
+_SHOWN = ((0, 1, 3, 4, -5), (0, 1, 2, 3, -6))  # columns in the terminal; those of reversal learning last
 _ENOUGH = 8  # champions of a method; fewer are a smoke test
 _CHAMPIONS, _RULES, _TESTS = STAGES = "evolve champions", "evolve rules for champions", "test champions"
 _PARTS = ("network", "fitness", "physics")  # groups of settings with which champions are tested as they evolved
@@ -319,5 +319,5 @@ def _entry(study: Leaderboard, experiment: str, method: Method, over: Entry | No
 def _table(run: Run, name: str) -> pd.DataFrame:
     """A table, whose texts are empty where a method has none."""
     table = run.table(f"{name}.csv")
-    texts = [column for column in ("matched_control", "tests") if column in table]
+    texts = [column for column in ("matched_control", "best_plain", "tests") if column in table]
     return table.fillna(dict.fromkeys(texts, ""))
