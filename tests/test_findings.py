@@ -355,7 +355,7 @@ def test_claims_by_hand(paper):
     assert unchanged.verdict == "check passed"
     assert math.isnan(unchanged.low)  # it is no statistic
     assert found.verdict["N = 1.5e-05 rescues it at 2"] == "no trial to judge by"
-    assert found.verdict["N = 1.5e-05 rescues it at 4"] == "too few (2 of 2 champions)"
+    assert found.verdict["N = 1.5e-05 rescues it at 4"] == "too few (n = 2, 2 champions)"
     assert found.paper_effect["Plasticity reaches the goal sooner"] == pytest.approx(-10.14, abs=0.01)
 
 
@@ -403,8 +403,8 @@ def test_sides_of_a_champion_are_one_piece_of_evidence():
         ([1] + [0] * 19, [1] * 20, "does not hold"),
         ([1] * 10 + [0] * 10, [1] * 20, "mixed"),
         ([1] * 6 + [0] * 2, [1] * 8, "inconclusive (n = 8)"),
-        ([0] * 3, [2] * 3, "too few (6 of 3 champions)"),
-        ([1], [1], "too few (1 of 1 champion)"),
+        ([0] * 3, [2] * 3, "too few (n = 6, 3 champions)"),
+        ([1], [1], "too few (n = 1, 1 champion)"),
         ([], [], "no trial to judge by"),
     ],
 )

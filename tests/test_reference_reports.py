@@ -52,7 +52,8 @@ def test_the_report_of_a_leaderboard_is_that_of_its_tables(folder, committed):
     described = {name: meaning for name, meaning in described.items() if name in set(board.method)}
     named = [re.findall(r"`(\w+)`", line) for line in re.findall(r"test worlds: (.*)\.", text)]
     tests = dict(zip(board.experiment.unique(), named or [[]], strict=True))
-    committed(path, leaderboard.markdown(board, worlds, costs, described, tests, text.splitlines()[2]))
+    captions = {name: caption for caption, name in re.findall(r"!\[(.*)\]\(figures/(.*)\)", text)}
+    committed(path, leaderboard.markdown(board, worlds, costs, described, tests, text.splitlines()[2], captions))
 
 
 def test_the_report_of_the_reproduction_is_that_of_its_tables(committed):

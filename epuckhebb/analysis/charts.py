@@ -4,7 +4,8 @@ Colours are Okabe and Ito's, which colour-blind readers can distinguish; line st
 """
 
 import itertools
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -305,24 +306,41 @@ def leaderboard_of(board: pd.DataFrame, champions: pd.DataFrame, limits: Mapping
 
 
 def profiles(board: pd.DataFrame, champions: pd.DataFrame) -> Figure:
-    """The share of champions that exceed each success, of each method; the best method of each kind has its name.
-
-    board, champions: as of `leaderboard_of`.
-    """
-    groups = list(board.groupby("experiment", sort=False))
-    drawn = Figure(figsize=(3.6 * len(groups) + 1.0, 3.6), layout="constrained")
+    """The share of champions that exceed each success, of each method; see `leaderboard_of`."""
     thresholds = np.linspace(0.0, 1.0, 401)
+
+    def curve(own: pd.DataFrame) -> tuple[Any, Any]:
+        return thresholds, performance_profile((own.successes / own.trials).to_numpy(float), thresholds)
+
+    drawn = _curves(board, champions, curve, drawstyle="steps-post")
+    for axes in drawn.axes:
+        axes.set(xlim=(0, 1), xlabel="success over the test worlds", ylabel="share of champions that exceed it")
+    return drawn
+
+
+def anytime(board: pd.DataFrame, course: pd.DataFrame) -> Figure:
+    """The success of each method against the robot-steps of its evolution. course: of `leaderboard.anytime`."""
+    tested = board[board.method.isin(course.method)]
+    drawn = _curves(tested, course, lambda own: (own.robot_steps / 1e6, own.success), marker="o", markersize=3)
+    for axes in drawn.axes:
+        axes.set(xscale="log", xlabel="million robot-steps of evolution", ylabel="success over the test worlds")
+    return drawn
+
+
+def _curves(
+    board: pd.DataFrame, rows: pd.DataFrame, curve: Callable[[pd.DataFrame], tuple[Any, Any]], **style: Any
+) -> Figure:
+    """A line for each method, a panel for each experiment; the best method of each kind has its name."""
+    groups = list(board[board.experiment.isin(rows.experiment)].groupby("experiment", sort=False))
+    drawn = Figure(figsize=(3.6 * len(groups) + 1.0, 3.6), layout="constrained")
     for axes, (experiment, own) in zip(drawn.subplots(1, len(groups), squeeze=False)[0], groups, strict=True):
         best = own.loc[own.groupby("kind").success.idxmax()].set_index("method").kind
         for method in sorted(own.method, key=lambda name: name in best):
-            single = champions[(champions.experiment == experiment) & (champions.method == method)]
-            exceed = performance_profile((single.successes / single.trials).to_numpy(float), thresholds)
-            axes.step(thresholds, exceed, where="post", color="#bbbbbb", linewidth=0.8)
+            line = curve(rows[(rows.experiment == experiment) & (rows.method == method)])
+            axes.plot(*line, color="#bbbbbb", linewidth=0.8, **style)
             if method in best:
-                colour = _KIND_COLOUR[best[method]]
-                axes.step(thresholds, exceed, where="post", color=colour, linewidth=2.0, label=plain(method))
-        axes.set(xlim=(0, 1), ylim=(0, 1.02), title=leaderboard.title(str(experiment)))
-        axes.set(xlabel="success over the test worlds", ylabel="share of champions that exceed it")
+                axes.plot(*line, color=_KIND_COLOUR[best[method]], linewidth=2.0, label=plain(method), **style)
+        axes.set(ylim=(0, 1.02), title=leaderboard.title(str(experiment)))
         axes.title.set_fontsize(10)
         tidy(axes)
         axes.legend(frameon=False, fontsize=8)
