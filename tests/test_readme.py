@@ -99,7 +99,7 @@ FINDINGS = [  # a sentence, and the counts that stand in it, each with the metho
 
 def of_many_champions():
     """The claims on four obstacles, of 110 champions: from how many of ten repeats succeed on each side."""
-    trials = pd.read_csv(REFERENCE / "many_obstacles" / "trials.csv").set_index(["genome", "side"])
+    trials = pd.read_csv(REFERENCE / "many_obstacles" / "successes.csv").set_index(["genome", "side"])
     solves, here = (trials[trials.scenario == name].iloc[:, 1:] > 5 for name in ("base", "4obstacles"))
     solved = solves.GA
     broken = solved & ~here.GA
