@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.analysis import leaderboard, rescue
 from epuckhebb.analysis.figures import SIDE_COLOUR, plain, tidy
+from epuckhebb.analysis.image import as_by_default
 from epuckhebb.controller.network import PAPER_NETWORK, Network, initial_weights_of
 from epuckhebb.tmaze.individual import CONTROLS, GA
 from epuckhebb.tmaze.robot import EPUCK, Robot
@@ -38,6 +39,7 @@ def _name_rates(axes: Axes, places: Iterable[float], rates: Iterable[float]) -> 
     axes.set_xticks(list(places), [f"{rate:g}" for rate in rates], fontsize=8)
 
 
+@as_by_default()
 def dose_response(doses: pd.DataFrame, harm: pd.DataFrame, experiment: str, champions: int) -> Figure:
     """Success, time to goal, weight change, and rescue and harm with their controls, against N.
 
@@ -94,6 +96,7 @@ def _rescue_and_harm(axes: Axes, harm: pd.DataFrame, at: Mapping[float, int]) ->
     axes.legend(frameon=False, fontsize=8)
 
 
+@as_by_default()
 def rates(doses: pd.DataFrame) -> Figure:
     """Success and weight change against the base rate, a row of panels for each condition.
 
@@ -128,6 +131,7 @@ def rates(doses: pd.DataFrame) -> Figure:
     return figure
 
 
+@as_by_default()
 def learning_curves(histories: Mapping[str, list[pd.DataFrame]]) -> Figure:
     """Best and mean fitness over the generations; for many evolutions, median and quartiles."""
     figure = Figure(figsize=(5 * len(histories), 3.6), layout="constrained")
@@ -152,6 +156,7 @@ def learning_curves(histories: Mapping[str, list[pd.DataFrame]]) -> Figure:
     return figure
 
 
+@as_by_default()
 def weight_change(conditions: Mapping[str, Mapping[str, Samples]], against: str, title: str) -> Figure:
     """A panel for each condition: weight change between samples against fitness or a sensor reading.
 
@@ -185,6 +190,7 @@ _AGAINST = {
 }
 
 
+@as_by_default()
 def network(
     genes: NDArray[np.float64],
     samples: Mapping[str, Samples],
@@ -228,6 +234,7 @@ def network(
 _RESCUED, _HARMED = "#0072B2", "#D55E00"
 
 
+@as_by_default()
 def rescue_over_all(over_all: pd.DataFrame) -> Figure:
     """A panel for each experiment: the shares rescued and harmed by each plasticity, with their intervals."""
     groups = list(over_all.groupby("experiment", sort=False))
@@ -257,6 +264,7 @@ def rescue_over_all(over_all: pd.DataFrame) -> Figure:
 _KIND_COLOUR = {leaderboard.PLAIN: "#555555", leaderboard.EVOLVED: "#0072B2", leaderboard.POST_HOC: "#D55E00"}
 
 
+@as_by_default()
 def leaderboard_of(board: pd.DataFrame, champions: pd.DataFrame, limits: Mapping[str, Mapping[str, float]]) -> Figure:
     """Two panels for each experiment: success of each method, and the difference to its matched control.
 
@@ -317,6 +325,7 @@ _CONTROLLER_COLOURS = ("#999999", "#009E73", "#CC79A7", "#0072B2", "#D55E00", "#
 _AROUND = (-3, 6)  # trials after the switch
 
 
+@as_by_default()
 def reversal(table: pd.DataFrame, trials: pd.DataFrame, title: str) -> Figure:
     """The rewarded share of each controller around the switch of the rewarded end, beside the first limit of `table`.
 

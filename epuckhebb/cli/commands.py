@@ -137,13 +137,11 @@ def play(
     """A live world in the browser, to disturb by hand."""
     import webbrowser
 
-    from epuckhebb.config import check_config_dir
     from epuckhebb.live.server import Play
     from epuckhebb.runs import as_evolved
     from epuckhebb.runtime import be_quiet, say
 
     be_quiet(quiet)
-    check_config_dir(config_dir)
     words = as_evolved(with_genomes_named(overrides), config_dir)
     with Play(words, side, config_dir, port) as live, suppress(KeyboardInterrupt):
         say("Ctrl-C ends it.")
@@ -197,10 +195,8 @@ def flock(
     options: StudyOptions,
 ) -> None:
     """Couplings between robots, and what they are good for."""
-    from epuckhebb.config import check_config_dir
     from epuckhebb.studies.flock import plan
 
-    check_config_dir(options.config_dir)
     run_study(plan(with_genomes_named(overrides), quick=quick, config_dir=options.config_dir), options)
 
 
@@ -214,13 +210,11 @@ def sweep(
     options: StudyOptions,
 ) -> None:
     """A named sweep or your own study; again, it does the rest."""
-    from epuckhebb.config import check_config_dir
     from epuckhebb.runs import as_evolved
     from epuckhebb.studies.study import plan_own
     from epuckhebb.studies.sweep import plan
 
     config_dir, words = options.config_dir, with_genomes_named(overrides)
-    check_config_dir(config_dir)
     planned = plan_own(name, words) if ".py:" in name else plan(name, as_evolved(words, config_dir), config_dir)
     run_study(planned, options, dry_run=dry_run)
 
