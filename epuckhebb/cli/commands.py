@@ -1,7 +1,6 @@
 """Declares the commands of `epuckhebb`. Each imports what is heavy when it is called, so help comes at once."""
 
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -287,8 +286,8 @@ def rerun(run: Run, *, options: Output) -> None:
     run = resolve_run(run, "evaluate", "evolve")
     new, difference = repeat(run)
     result = {"command": "rerun", "run": str(run), "new": str(new), "difference": difference}
-    output = replace(options, quiet=options.quiet or bool(difference))
-    output.print(lambda: result, lambda console: print_line(console, f"bit-identical: {new}"))
+    if options.as_json or not difference:
+        options.print(lambda: result, lambda console: print_line(console, f"bit-identical: {new}"))
     if difference:
         print_error(f"{new}: {difference}")
         raise typer.Exit(JOB_FAILED)

@@ -250,6 +250,7 @@ def _begin(parent: int, folder: str) -> None:
     go on only if what they began with is the same; in another folder, their results would be there.
     """
     os.chdir(folder)
+    sys.stdout = sys.stderr  # what a user's own part prints, as in the parent
     exit_with_parent(parent)
 
 
