@@ -20,6 +20,7 @@ from epuckhebb.analysis.statistics import (
     improvement,
     interquartile_mean,
     mean,
+    performance_profile,
     permutation,
     sign_flip,
     sign_flip_of_shares,
@@ -196,7 +197,7 @@ def test_a_bootstrap_knows_nothing_of_few_or_of_equals():
 
 
 def test_aggregates_are_those_of_rliable():
-    """Numbers of rliable-fork 1.2.0: `metrics.aggregate_iqm` and `probability_of_improvement`.
+    """Numbers of rliable-fork 1.2.0: of its interquartile mean, probability of improvement and performance profile.
 
     Its scores are (runs, tasks); a champion is a run, and its success over all test worlds is the one task.
     """
@@ -208,6 +209,8 @@ def test_aggregates_are_those_of_rliable():
         others = scores[row["experiment"], row["other"]]
         assert interquartile_mean(ours) == pytest.approx(row["iqm"], abs=1e-12)
         assert improvement(ours, others) == pytest.approx(row["improvement"], abs=1e-12)
+        exceed = performance_profile(ours, np.array([0.25, 0.5, 0.75]))
+        assert exceed.tolist() == pytest.approx(row["exceed"], abs=1e-12)
 
 
 def lifetimes(outcomes, repeats=3):

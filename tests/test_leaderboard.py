@@ -86,7 +86,7 @@ def test_it_leaves_tables_a_figure_and_a_page(made):
     assert (folder / "figures" / "leaderboard.png").read_bytes().startswith(b"\x89PNG")
     page = (folder / "report.html").read_text()
     assert "://" not in re.sub(r'src="data:[^"]+"', "", page)
-    assert page.count('src="data:image/png;base64,') == 1
+    assert page.count('src="data:image/png;base64,') == 2
     assert "<title>epuckhebb: Leaderboard</title>" in page
 
 
@@ -288,7 +288,8 @@ def rows_of(method, successes, solves):
 
 
 def test_the_table_by_hand():
-    champions = pd.DataFrame(rows_of("matched_control", (1, 2, 4), (1, 0, 1)) + rows_of("own", (2, 2, 3), (1, 1, 0)))
+    control, own = ((1, 2, 4) * 2, (1, 0, 1) * 2), ((2, 2, 3) * 2, (1, 1, 0) * 2)
+    champions = pd.DataFrame(rows_of("matched_control", *control) + rows_of("own", *own))
     told = {"experiment": "obstacles", "evolved_parameters": 1}
     table = board.table(
         [
@@ -299,11 +300,13 @@ def test_the_table_by_hand():
     ).set_index("method")
     assert table.success.to_dict() == {"matched_control": 7 / 12, "own": 7 / 12}
     assert table.retention.to_dict() == {"matched_control": 5 / 8, "own": 0.5}
-    assert table.solved.to_dict() == {"matched_control": 2, "own": 2}
+    assert table.solved.to_dict() == {"matched_control": 4, "own": 4}
     assert table.best.to_dict() == {"matched_control": 1.0, "own": 0.75}
     assert table.difference["own"] == pytest.approx((1 + 0 - 1) / 12)
     assert table.difference_low["own"] <= 0 <= table.difference_high["own"]
-    assert table.sign_flip_p["own"] == 1
+    assert table.p["own"] == table.p_holm["own"] == table.best_plain_p_holm["own"] == 1
+    assert table.best_plain.to_dict() == {"matched_control": "", "own": "matched_control"}
+    assert table.improvement["own"] == pytest.approx((2 * 2 + 1) / 9)  # of nine pairs: two are ties, four are wins
     assert np.isnan(table.difference["matched_control"])
     assert np.isnan(table.success_off["matched_control"])
 
@@ -313,7 +316,7 @@ def test_the_table_by_hand():
 
 @pytest.mark.parametrize("folder", REFERENCES)
 def test_the_reference_table_comes_of_the_rows_of_champions(folder):
-    told = pd.read_csv(folder / "leaderboard.csv").fillna({"matched_control": ""})
+    told = pd.read_csv(folder / "leaderboard.csv").fillna({"matched_control": "", "best_plain": ""})
     rows = [
         board.Row(
             experiment=row.experiment,

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from epuckhebb.analysis import leaderboard, rescue
 from epuckhebb.analysis.figures import SIDE_COLOUR, plain, tidy
 from epuckhebb.analysis.image import as_by_default
+from epuckhebb.analysis.statistics import performance_profile
 from epuckhebb.controller.network import PAPER_NETWORK, Network, initial_weights_of
 from epuckhebb.tmaze.individual import CONTROLS, GA
 from epuckhebb.tmaze.robot import EPUCK, Robot
@@ -308,6 +309,31 @@ def leaderboard_of(board: pd.DataFrame, champions: pd.DataFrame, limits: Mapping
         if kind in set(board.kind)
     ]
     drawn.legend(handles=marks, frameon=False, fontsize=8, loc="outside lower center", ncols=len(marks))
+    return drawn
+
+
+def profiles(board: pd.DataFrame, champions: pd.DataFrame) -> Figure:
+    """The share of champions that exceed each success, of each method; the best method of each kind has its name.
+
+    board, champions: as of `leaderboard_of`.
+    """
+    groups = list(board.groupby("experiment", sort=False))
+    drawn = Figure(figsize=(3.6 * len(groups) + 1.0, 3.6), layout="constrained")
+    thresholds = np.linspace(0.0, 1.0, 401)
+    for axes, (experiment, own) in zip(drawn.subplots(1, len(groups), squeeze=False)[0], groups, strict=True):
+        best = own.loc[own.groupby("kind").success.idxmax()].set_index("method").kind
+        for method in sorted(own.method, key=lambda name: name in best):
+            single = champions[(champions.experiment == experiment) & (champions.method == method)]
+            exceed = performance_profile((single.successes / single.trials).to_numpy(float), thresholds)
+            axes.step(thresholds, exceed, where="post", color="#bbbbbb", linewidth=0.8)
+            if method in best:
+                colour = _KIND_COLOUR[best[method]]
+                axes.step(thresholds, exceed, where="post", color=colour, linewidth=2.0, label=plain(method))
+        axes.set(xlim=(0, 1), ylim=(0, 1.02), title=leaderboard.title(str(experiment)))
+        axes.set(xlabel="success over the test worlds", ylabel="share of champions that exceed it")
+        axes.title.set_fontsize(10)
+        tidy(axes)
+        axes.legend(frameon=False, fontsize=8)
     return drawn
 
 

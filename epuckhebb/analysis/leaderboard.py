@@ -36,7 +36,6 @@ FIGURE = "leaderboard.png"
 REVERSAL = "reversal"  # the experiment that is not one of the paper's
 PLAIN, EVOLVED, POST_HOC = "plain", "evolved", "post_hoc"  # the kinds of methods
 KINDS = {PLAIN: "no plasticity", EVOLVED: "plasticity during evolution", POST_HOC: "added after evolution"}
-SEEN = {"rescue": "best", "rescue_new_kinds": "find_and_stay"}  # sweep: the first method made in its worlds
 _OF_ROW = ("experiment", "method", "kind", "knowledge_class", "knowledge", "matched_control")
 _AGAINST = [
     *("difference", "difference_low", "difference_high", "p"),
@@ -217,7 +216,7 @@ def readable(own: pd.DataFrame, worlds: pd.DataFrame, costs: pd.DataFrame | None
     if here.tests.nunique() > 1:
         summed = here.groupby(["method", "tests"], sort=False)[["trials", "successes"]].sum()
         shares = (summed.successes / summed.trials).unstack("tests")[here.tests.unique()]
-    apart = [f"in {code(name)}{f', seen by {code(SEEN[name])}' if name in SEEN else ''}" for name in shares]
+    apart = [f"in {code(name)}" for name in shares]
     headings = ["method", "kind", "learn" if learning else "solves both sides in training"]
     headings += ["rewarded share" if learning else "success over the test worlds", *apart]
     headings += ["interquartile mean", "of those that learn" if learning else "retention", "best champion"]
@@ -272,8 +271,8 @@ def markdown(
             where = f"Training world: {code(TRAINED[str(experiment)])}. {len(tested)} test worlds: {names}.\n"
         parts += [f"## {title(str(experiment))}\n", where, readable(own, worlds, costs).markdown()]
     parts += [
-        "## Figure\n",
-        *pictures({FIGURE: CAPTION}),
+        "## Figures\n",
+        *pictures(CAPTIONS),
         "## Methods\n",
         Table(["method", "description"], [[code(name), text] for name, text in methods.items()]).markdown(),
     ]
@@ -311,10 +310,9 @@ _TERMS = """\
   It is chosen by this number, which is therefore a little too high.
 - All p values of a table are corrected together (Holm).
 - *Interquartile mean*: of the champions without the best and the worst quarter.
-- *Knowledge*: what a method uses. Rows are ordered by class of knowledge: senses, live fitness, clock, goal signal,
-  sensor model; last the hand-written robot, whose network is never used. Compare a row with `stay`, which halts where
+- *Knowledge*: what a method uses. Rows are ordered by class of knowledge: senses, live fitness, clock, goal signal;
+  last the hand-written robot, whose network is never used. Compare a row with `stay`, which halts where
   it is given the goal signal, and with `hand_written`: that much comes of the knowledge alone.
-- *Seen by*: this method and later ones were made in these test worlds.
 - *Rule off*: the same champions on the same random numbers, without plasticity.
 - *Evolved parameters*, *robot-steps* and CPU seconds are of one champion, with the evolution of the champion that a
   method is added to. CPU seconds depend on the machine: they are on this page and in `cost.csv` alone. All other
@@ -322,8 +320,14 @@ _TERMS = """\
 - Intervals are 95 %, by champion; fewer than six have none. Those of shares are Wilson's with the design effect of
   champions, the others are from a bootstrap.
 """
-CAPTION = (
-    "Left: success over the test worlds, or share of rewarded trials, of each method, with its 95 % interval. Small "
-    "dots are single champions. A cross is the same with the rule off, a triangle with the reward inverted. Right: the "
-    "difference to the matched control."
-)
+CAPTIONS = {
+    FIGURE: (
+        "Left: success over the test worlds, or share of rewarded trials, of each method, with its 95 % interval. "
+        "Small dots are single champions. A cross is the same with the rule off, a triangle with the reward inverted. "
+        "Right: the difference to the matched control."
+    ),
+    "profiles.png": (
+        "Performance profiles: the share of champions whose success exceeds the value below. A line is a method; the "
+        "best of each kind has its name."
+    ),
+}

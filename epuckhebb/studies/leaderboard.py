@@ -174,11 +174,13 @@ class Leaderboard(ChampionStudy):
         from epuckhebb.analysis import charts  # matplotlib takes a while to load
 
         limits = {REVERSAL: Reversal().limits()}
-        figure = charts.leaderboard_of(run.table("leaderboard.csv"), run.table("champions.csv"), limits)
-        figure.set_label(board.CAPTION)
-        return {"leaderboard": figure}
+        tables = run.table("leaderboard.csv"), run.table("champions.csv")
+        drawn = {"leaderboard": charts.leaderboard_of(*tables, limits), "profiles": charts.profiles(*tables)}
+        for name, figure in drawn.items():
+            figure.set_label(board.CAPTIONS[f"{name}.png"])
+        return drawn
 
-    def page(self, run: Run, captions: Mapping[str, str]) -> str:  # noqa: ARG002  # its one figure has its place
+    def page(self, run: Run, captions: Mapping[str, str]) -> str:  # noqa: ARG002  # its figures have their place
         """See `Study`."""
         meanings = {entry.row.method: entry.description for entry in self.entries}
         tests = {experiment: list(own) for experiment, own in self.worlds.items()}
