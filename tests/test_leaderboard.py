@@ -209,9 +209,10 @@ def test_the_share_of_a_learner_by_hand():
 
 
 def test_methods_that_differ_in_training_or_optimizer_alone_are_one_in_reversal_learning():
-    names = ["ga_varied", "abcd", "evolve_and_merge", "late", "modulated_over_ga", "online"]
+    names = ["ga_varied", "abcd", "evolve_and_merge", "late", "modulated_over_ga", "online", "elman"]
     here = {method.name: method for method in in_reversal(methods_named(names))}
-    assert list(here) == ["ga", "abcd", "modulated_over_ga"]
+    assert list(here) == ["ga", "abcd", "modulated_over_ga", "elman"]
+    assert here["elman"].evolve == {"task": "reversal", "ga": "reversal", "network.wiring": "elman"}
     assert here["ga"].evolve == {"task": "reversal", "ga": "reversal"}
     assert here["abcd"].evolve == {"task": "reversal", "ga": "reversal", "hebbian": "abcd"}
     assert (here["abcd"].matched_control, here["modulated_over_ga"].champions_of) == ("ga", "ga")

@@ -26,6 +26,7 @@ from epuckhebb.tmaze.robot import EPUCK, Robot
 from epuckhebb.tmaze.samples import Samples
 
 _WEIGHT_CHANGE = "weight change\n(mean of sum |W − W_gene|)"
+_NAMED = 8  # rates for whose names an axis has room
 _AS_NUMBER = StrMethodFormatter("{x:g}")  # 100, not 10 to the 2
 _SCENARIO_STYLE = {
     "base": ("#0072B2", "o", "-"),
@@ -99,19 +100,22 @@ def _rescue_and_harm(axes: Axes, harm: pd.DataFrame, at: Mapping[float, int]) ->
 
 @as_by_default()
 def rates(doses: pd.DataFrame) -> Figure:
-    """Success and weight change against the base rate, a row of panels for each condition.
+    """Success, weight change and saturated weights against the base rate, a row of panels for each condition.
 
     doses: of `analysis.summary.dose_response`; the rows of `GA` are without plasticity.
     """
     over = "champions" if doses.champions.max() > 1 else f"noise, {doses.genome.iloc[0]} alone"
     conditions = list(doses.groupby("condition", sort=False))
-    figure = Figure(figsize=(9, 2.9 * len(conditions) + 0.6), layout="constrained")
-    rows = figure.subplots(len(conditions), 2, squeeze=False, sharex=True, sharey="col")
+    figure = Figure(figsize=(13, 2.9 * len(conditions) + 0.6), layout="constrained")
+    rows = figure.subplots(len(conditions), 3, squeeze=False, sharex=True, sharey="col")
+    labels = {
+        "success": "success",
+        "weight_change_mean": _WEIGHT_CHANGE,
+        "saturated_fraction": "share of weights at their bound",
+    }
     for (condition, own), panels in zip(conditions, rows, strict=True):
         alone, plastic = own[own.controller == GA], own[own.controller != GA].sort_values("N")
-        for axes, column, label in zip(
-            panels, ("success", "weight_change_mean"), ("success", _WEIGHT_CHANGE), strict=True
-        ):
+        for axes, (column, label) in zip(panels, labels.items(), strict=True):
             for side, marker, shift in (("left", "o", 1 / 1.03), ("right", "^", 1.03)):
                 of_side = plastic[plastic.side == side]
                 y, low, high = (of_side[column + end].to_numpy(float) for end in ("", "_low", "_high"))
@@ -120,7 +124,8 @@ def rates(doses: pd.DataFrame) -> Figure:
                 for success in alone.success[alone.side == side] if column == "success" else ():
                     axes.axhline(success, color=SIDE_COLOUR[side], linestyle="--", linewidth=1.2, label=f"GA, {side}")
             axes.set(xscale="log", xlabel="base rate N", ylabel=label)
-            _name_rates(axes, *[plastic.N.unique()] * 2)
+            if plastic.N.nunique() <= _NAMED:
+                _name_rates(axes, *[plastic.N.unique()] * 2)
             axes.set_xticks([], minor=True)
             tidy(axes, "y")
         panels[0].set_title(plain(condition), fontsize=10, loc="left")

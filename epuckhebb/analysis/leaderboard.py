@@ -289,11 +289,11 @@ The positive control: a task that cannot be solved without memory of the reward.
 
 - A *trial* is one of the many of a lifetime. It succeeds if the robot reaches the rewarded end. At a trial that is
   drawn, or never, the other end becomes the rewarded one.
-- All methods are evolved by the GA with `ga=reversal`, in one world. Only their rules differ. A method that differs
-  in training, optimizer or adaptation alone has no row.
+- All methods are evolved by the GA with `ga=reversal`, in one world. Only their rules or networks differ. A method
+  that differs in training, optimizer or adaptation alone has no row.
 - *Learn*: champions with a share of rewarded trials nearer to the optimum than to chance.
-- *Reward inverted*: the same champions on the same random numbers; the modulatory neuron receives the reward with the
-  opposite sign. A robot that learns from the reward now goes to the wrong end.
+- *Reward inverted*: the same champions on the same random numbers; the modulatory neuron, or a recurrent network,
+  receives the reward with the opposite sign. A robot that learns from the reward now goes to the wrong end.
 """
 _TERMS = """\
 - A *trial* is one champion, one side and one test world. It succeeds if more than half of its repeats do.
