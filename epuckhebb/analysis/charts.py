@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.analysis import leaderboard, rescue
 from epuckhebb.analysis.figures import SIDE_COLOUR, plain, tidy
+from epuckhebb.analysis.image import as_by_default
 from epuckhebb.analysis.statistics import performance_profile
 from epuckhebb.controller.network import PAPER_NETWORK, Network, initial_weights_of
 from epuckhebb.tmaze.individual import CONTROLS, GA
@@ -41,6 +42,7 @@ def _name_rates(axes: Axes, places: Iterable[float], rates: Iterable[float]) -> 
     axes.set_xticks(list(places), [f"{rate:g}" for rate in rates], fontsize=8)
 
 
+@as_by_default()
 def dose_response(doses: pd.DataFrame, harm: pd.DataFrame, experiment: str, champions: int) -> Figure:
     """Success, time to goal, weight change, and rescue and harm with their controls, against N.
 
@@ -97,6 +99,7 @@ def _rescue_and_harm(axes: Axes, harm: pd.DataFrame, at: Mapping[float, int]) ->
     axes.legend(frameon=False, fontsize=8)
 
 
+@as_by_default()
 def rates(doses: pd.DataFrame) -> Figure:
     """Success, weight change and saturated weights against the base rate, a row of panels for each condition.
 
@@ -135,6 +138,7 @@ def rates(doses: pd.DataFrame) -> Figure:
     return figure
 
 
+@as_by_default()
 def learning_curves(histories: Mapping[str, list[pd.DataFrame]]) -> Figure:
     """Best and mean fitness over the generations; for many evolutions, median and quartiles."""
     figure = Figure(figsize=(5 * len(histories), 3.6), layout="constrained")
@@ -159,6 +163,7 @@ def learning_curves(histories: Mapping[str, list[pd.DataFrame]]) -> Figure:
     return figure
 
 
+@as_by_default()
 def weight_change(conditions: Mapping[str, Mapping[str, Samples]], against: str, title: str) -> Figure:
     """A panel for each condition: weight change between samples against fitness or a sensor reading.
 
@@ -192,6 +197,7 @@ _AGAINST = {
 }
 
 
+@as_by_default()
 def network(
     genes: NDArray[np.float64],
     samples: Mapping[str, Samples],
@@ -235,6 +241,7 @@ def network(
 _RESCUED, _HARMED = "#0072B2", "#D55E00"
 
 
+@as_by_default()
 def rescue_over_all(over_all: pd.DataFrame) -> Figure:
     """A panel for each experiment: the shares rescued and harmed by each plasticity, with their intervals."""
     groups = list(over_all.groupby("experiment", sort=False))
@@ -264,6 +271,7 @@ def rescue_over_all(over_all: pd.DataFrame) -> Figure:
 _KIND_COLOUR = {leaderboard.PLAIN: "#555555", leaderboard.EVOLVED: "#0072B2", leaderboard.POST_HOC: "#D55E00"}
 
 
+@as_by_default()
 def leaderboard_of(board: pd.DataFrame, champions: pd.DataFrame, limits: Mapping[str, Mapping[str, float]]) -> Figure:
     """Two panels for each experiment: success of each method, and the difference to its matched control.
 
@@ -366,6 +374,7 @@ _CONTROLLER_COLOURS = ("#999999", "#009E73", "#CC79A7", "#0072B2", "#D55E00", "#
 _AROUND = (-3, 6)  # trials after the switch
 
 
+@as_by_default()
 def reversal(table: pd.DataFrame, trials: pd.DataFrame, title: str) -> Figure:
     """The rewarded share of each controller around the switch of the rewarded end, beside the first limit of `table`.
 

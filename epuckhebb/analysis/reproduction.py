@@ -14,7 +14,7 @@ from epuckhebb.analysis import findings, published, rescue
 from epuckhebb.analysis.evaluate import evaluate
 from epuckhebb.analysis.findings import PAPER_N, RULE
 from epuckhebb.analysis.statistics import holm
-from epuckhebb.analysis.tables import Table, code, pictures
+from epuckhebb.analysis.tables import NEW_LINE, Table, code, pictures, unmarked
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze.fitness import Signal
@@ -95,6 +95,17 @@ def markdown(
             rescue.retention_table(_at_paper_rates(tables["retention"]), by_experiment=True).markdown(),
         ]
     return "\n".join([*parts, "## Figures\n", *pictures(captions)])
+
+
+def terminal_tables(comparison: pd.DataFrame, paper: Mapping[str, Any]) -> list[Table]:
+    """Tables 1 to 3 with a row for each column of the paper's: the terminal has no room for these."""
+    shown = []
+    for name, group in comparison.groupby("table", sort=False):
+        table = published.table(group, of_all=False)
+        columns = zip(table.headings, *table.rows, strict=True)
+        (_, *metrics), *rows = ([unmarked(cell.replace(NEW_LINE, " ")) for cell in column] for column in columns)
+        shown.append(Table(["", *metrics], rows, f"{paper[str(name)]['title']}: ours (the paper's)"))
+    return shown
 
 
 def worlds(experiment: str) -> tuple[str, ...]:

@@ -16,9 +16,9 @@ from epuckhebb.config.changed import world_name
 from epuckhebb.config.compose import configurations, load, swept_values
 from epuckhebb.config.errors import explain
 from epuckhebb.config.overrides import (
+    RUN_DIR,
     SWEEP_DIR,
     alternatives,
-    check_config_dir,
     check_words,
     overrides_of,
     quoted,

@@ -21,7 +21,6 @@ from epuckhebb.config import (
     EvaluateConfig,
     EvolveConfig,
     alternatives,
-    check_config_dir,
     from_values,
     load,
     network_for,
@@ -225,7 +224,6 @@ def plan(experiment: str, arguments: list[str], *, quick: bool = False, config_d
             f"leaderboard {experiment}: {', '.join(sorted(unknown)) or 'nothing'} is no experiment; it must be one of "
             f"{', '.join(EXPERIMENTS)}, several of them with commas between, or {ALL}"
         )
-    check_config_dir(config_dir)
     typed = [experiment, *(["--quick"] if quick else []), *arguments]
     own, of_hydra = split("leaderboard", arguments)
     study = load(Leaderboard, [*(QUICK if quick else ()), *map(_as_list, own)], config_dir)
