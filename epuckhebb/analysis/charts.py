@@ -75,7 +75,7 @@ def dose_response(doses: pd.DataFrame, harm: pd.DataFrame, experiment: str, cham
     low_left.yaxis.set_major_formatter(_AS_NUMBER)
     _rescue_and_harm(low_right, harm[harm.experiment == experiment], at)
     figure.suptitle(
-        f"{experiment}: dose-response, mean over n = {champions} champions with 95 % bootstrap intervals", fontsize=11
+        f"{experiment}: dose-response, mean over n = {champions} champions with 95 % intervals", fontsize=11
     )
     return figure
 
