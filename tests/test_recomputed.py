@@ -181,3 +181,13 @@ def test_leaderboard(experiment):
     steps = np.maximum.accumulate(tests.to_numpy() * np.arange(len(tests), 0, -1)).clip(max=1)
     held = np.sort(pd.concat([board.p_holm, board.best_plain_p_holm]).dropna())
     assert held == pytest.approx(np.sort(steps))
+
+
+def test_outcomes_in_the_second_physics():
+    """In how many trials the plane and three dimensions agree, from the table of successes."""
+    rows = read("second_physics/successes").set_index(["scenario", "genome", "side"]).sort_index() > 1
+    for row in read("second_physics/agreement").itertuples():
+        plane, solid = (rows.loc[name, row.controller] for name in (row.scenario, f"{row.scenario}_3d"))
+        same = (plane == solid).groupby("genome").agg(["sum", "size"])
+        assert (row.successes_plane, row.successes_3d, row.same) == (plane.sum(), solid.sum(), same["sum"].sum())
+        assert (row.low, row.high) == pytest.approx(interval(same["sum"], same["size"]))
