@@ -5,8 +5,10 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from epuckhebb.controller.compiling.errors import NotCompiledError
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import HIDDEN, Network
+from epuckhebb.controller.own_class import PartError
 from epuckhebb.controller.plasticity.rule import NoRule
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
@@ -80,7 +82,7 @@ def load_kernel(
     try:
         first, *again = (run_lifetimes([dummy], world, lifetime)[0] for _ in range(2 if own else 1))
     except (Exception, SystemExit) as error:  # what a user's own part may raise has no end
-        if not own or isinstance(error, ValueError | LostRobotError):
+        if not own or isinstance(error, NotCompiledError | PartError | LostRobotError):
             raise
         raise ValueError(f"{named} failed: {type(error).__name__}: {error}") from error
     if again and _content(first) != _content(again[0]):
