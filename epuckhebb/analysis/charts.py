@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from epuckhebb.analysis import rescue
 from epuckhebb.analysis.figures import SIDE_COLOUR, plain, tidy
 from epuckhebb.analysis.image import as_by_default
+from epuckhebb.analysis.statistics import LEAST
 from epuckhebb.controller.network import PAPER_NETWORK, Network, initial_weights_of
 from epuckhebb.tmaze.individual import CONTROLS, GA
 from epuckhebb.tmaze.robot import EPUCK, Robot
@@ -71,9 +72,8 @@ def dose_response(doses: pd.DataFrame, harm: pd.DataFrame, experiment: str, cham
     low_left.set_ylim(bottom=-0.02)
     low_left.yaxis.set_major_formatter(_AS_NUMBER)
     _rescue_and_harm(low_right, harm[harm.experiment == experiment], at)
-    figure.suptitle(
-        f"{experiment}: dose-response, mean over n = {champions} champions with 95 % intervals", fontsize=11
-    )
+    intervals = " with 95 % intervals" if champions >= LEAST else ""
+    figure.suptitle(f"{experiment}: dose-response, mean over n = {champions} champions{intervals}", fontsize=11)
     return figure
 
 
@@ -131,7 +131,8 @@ def rates(doses: pd.DataFrame) -> Figure:
         if (own.weight_change_mean > 0).any():  # an adaptation may never act
             panels[1].set_yscale("log")
     figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
-    figure.suptitle(f"Dose-response, means with 95 % intervals (over {over})", fontsize=10)
+    intervals = " with 95 % intervals" if doses.success_low.notna().any() else ""
+    figure.suptitle(f"Dose-response, means{intervals} (over {over})", fontsize=10)
     return figure
 
 
