@@ -105,7 +105,7 @@ def folder(tmp_path_factory):
     (folder / "my_conf" / "adaptation").mkdir()
     (folder / "my_conf" / "adaptation" / "mine.yaml").write_text(blocks(ROOT / "docs" / "parts.md", "yaml")[0])
     (folder / "my_conf" / "method").mkdir()
-    for name, text in zip(("mine", "after", "fixed"), blocks(ROOT / "docs" / "leaderboard.md", "yaml"), strict=True):
+    for name, text in zip(("mine", "after", "fixed"), blocks(ROOT / "docs" / "rules.md", "yaml"), strict=True):
         (folder / "my_conf" / "method" / f"{name}.yaml").write_text(text)
     done("evolve", *brief("evolve", []), f"hydra.run.dir={folder}/runs/evolve/RUN")
     (folder / "runs" / "evolve" / "cma_me").mkdir()
@@ -199,7 +199,7 @@ def test_what_n_means_per_metre_has_the_numbers_of_the_answer():
 
 
 @pytest.mark.thorough
-def test_the_methods_of_the_leaderboard_page_can_be_listed(folder, monkeypatch):
+def test_the_methods_of_the_page_of_rules_can_be_listed(folder, monkeypatch):
     monkeypatch.chdir(folder)
     done("leaderboard", "obstacles", "methods=mine,after,fixed", "champions=1", "--config-dir", "my_conf", "--dry-run")
 
