@@ -38,7 +38,7 @@ def recording(path: Path) -> Recording:
             f"{path} is of `epuckhebb {facts['command']}`, which records no lifetimes; give a run of `epuckhebb "
             f"evaluate`, for the champion of an evolution that of: epuckhebb evaluate genome={path}"
         )
-    config = config_of(run, EvaluateConfig)
+    config = config_of(run, "evaluate")
     if config.lifetime.record_every == 0:
         raise ConfigError(
             f"{path} recorded nothing to replay (lifetime.record_every=0); run it again with lifetime.record_every=8"
