@@ -1,6 +1,7 @@
 """Tables and figures of lifetimes in environments: the return before and after a change, with intervals."""
 
 import itertools
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -8,12 +9,16 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from epuckhebb.analysis.lifetimes import Evaluated, Gathered
 from epuckhebb.analysis.statistics import bootstrap, mean
 from epuckhebb.analysis.tables import Table, plain
 from epuckhebb.worlds.environment import Lived
 
 _RETURNS = ("return", "return_before", "return_after")
 _MEANS = (*_RETURNS, "steps", "recovery_steps", "weight_change_mean", "saturated_fraction")
+CONDITION = ("environment", "change", "controller", "N")
+_OWN = ("genome", "seed", "environment", "environment.change", "environment.changes", "hebbian.N")  # have columns
+_NO_CONDITION = ("repeats", "environment.processes")  # keys that do not change what is evaluated
 _BINS = 50  # of a lifetime, in `lifetime.csv`
 _COLOURS = ("#555555", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
 
@@ -48,12 +53,27 @@ def over_lifetime(names: Sequence[str], lives: Sequence[Lived], horizon: int) ->
     return rows
 
 
+def gather(evaluations: Sequence[Evaluated]) -> Gathered:
+    """Put the lifetimes of many evaluations together; see `epuckhebb.analysis.lifetimes.gather`."""
+    keys = list(dict.fromkeys(key for one in evaluations for key in one.settings if key not in _OWN + _NO_CONDITION))
+    names = {(one.rows.genome.iloc[0], one.sha256) for one in evaluations}
+    twice = {name for name, count in Counter(name for name, _ in names).items() if count > 1}
+    frames = []
+    for one in evaluations:
+        first = {**one.place, **{key: one.settings.get(key, "") for key in keys}}
+        frame = pd.concat([pd.DataFrame(first, index=one.rows.index), one.rows], axis=1)
+        frame["genome"] = [f"{name}_{one.sha256[:8]}" if name in twice else name for name in frame.genome]
+        frames.append(frame)
+    return Gathered(pd.concat(frames, ignore_index=True), keys, "")
+
+
 def table(metrics: pd.DataFrame, by: Sequence[str] = ("controller", "N")) -> pd.DataFrame:
     """A row for each condition, with means and 95 % bootstrap intervals of returns.
 
     With several champions each is one case, the mean of its lifetimes, and intervals are over champions; of a single
     champion they are over its lifetimes, and about the noise alone.
     """
+    metrics = metrics.assign(**{name: pd.to_numeric(metrics[name]) for name in ("N", *_MEANS)})
     rows: list[dict[str, Any]] = []
     for condition, own in metrics.groupby(list(by), sort=False, dropna=False):
         champions = own.genome.nunique()
@@ -75,7 +95,8 @@ def readable(rows: pd.DataFrame, title: str = "") -> Table:
         value, low, high = (row[f"{name}{end}"] for end in ("", "_low", "_high"))
         return f"{value:.1f}" + ("" if np.isnan(low) else f" [{low:.1f}, {high:.1f}]")
 
-    first = [name for name in rows if name in list(rows)[: list(rows).index("champions")] and name != "N"]
+    before = list(rows)[: list(rows).index("champions")]
+    first = [name for name in before if name == "controller" or (name != "N" and rows[name].nunique(dropna=False) > 1)]
     headings = [*first, "return", "before", "after", "recovery (steps)", "weight change"]
     lines = [
         [

@@ -28,10 +28,11 @@ def run_command(
     if not options.cfg:
         hydra.check(command, words, config_dir, prepare, multirun=multirun)
     runs = hydra.run(command, job, [*words, *flags], config_dir)
-    if multirun and command == "evaluate" and runs:
-        from epuckhebb.studies.sweep import write_summary_of_multirun
+    if multirun and runs:
+        from epuckhebb.studies import sweep
 
-        write_summary_of_multirun(runs[0].parent, runs)
+        write = sweep.write_summary_of_multirun if command == "evaluate" else sweep.write_learning_of_multirun
+        write(runs[0].parent, runs)
     if not options.cfg:
         print_runs(command, runs, options)
 

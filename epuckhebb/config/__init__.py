@@ -13,7 +13,7 @@ from epuckhebb.config.build import (
     with_controls,
 )
 from epuckhebb.config.changed import world_name
-from epuckhebb.config.compose import configurations, load, swept_values
+from epuckhebb.config.compose import configurations, load, load_any, swept_values
 from epuckhebb.config.environments import EnvironmentConfig, EvaluateEnvironment, EvolveEnvironment, environment_of_run
 from epuckhebb.config.errors import explain
 from epuckhebb.config.overrides import (

@@ -13,7 +13,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from epuckhebb.config import build, yaml_file
 from epuckhebb.config.overrides import ANY, OF_ENVIRONMENT, literal, parsed, value_text
-from epuckhebb.config.parts import Layers, part_from
+from epuckhebb.config.parts import NONE, Layers, part_from
 from epuckhebb.config.plugins import class_named, load
 from epuckhebb.config.schema import Checked, Figures, register
 from epuckhebb.controller.network import Network
@@ -85,7 +85,7 @@ class EnvironmentConfig(Checked):
     @property
     def controllers(self) -> list[Tested]:
         """The controllers that run."""
-        return [Tested(str(self.hebbian.get("name") or ""), self.rule)]
+        return [Tested(str(self.hebbian.get("name") or WITHOUT), self.rule)]
 
 
 @register
@@ -118,13 +118,13 @@ class EvaluateEnvironment(EnvironmentConfig):
     @property
     def controllers(self) -> list[Tested]:
         """The rule and its controls: without plasticity, with other signs, and frozen from the change on."""
-        if isinstance(self.rule, NoRule):
-            return [Tested(WITHOUT, self.rule)]
         (own,) = super().controllers
+        if isinstance(self.rule, NoRule):
+            return [own]
         controls = [Tested(f"{own.name} ({sign.name})", replace(self.rule, sign=sign)) for sign in Sign]
         others = [control for control in controls if control.rule != self.rule]
         frozen = [Tested(f"{own.name} ({FROZEN})", self.rule, frozen=True)] if self.environment.changes else []
-        return [Tested(WITHOUT, replace(self.rule, N=0.0)), own, *others, *frozen]
+        return [Tested(f"{own.name} ({WITHOUT})", replace(self.rule, N=0.0)), own, *others, *frozen]
 
 
 def world_of(settings: Environment) -> World:
@@ -236,7 +236,7 @@ def complete(cfg: DictConfig, choices: Mapping[str, str], overrides: Sequence[st
 def _fit_rule(cfg: DictConfig, choice: str, is_typed: Callable[[str], bool]) -> None:
     """Give a rule what it has in environments: no wheel gain, the reward as live fitness, and rates of the papers."""
     rule, row = cfg.hebbian, conf.table("hebbian").get(choice, {})
-    if rule.get("rule") in (None, build.NONE):
+    if rule.get("rule") in (None, NONE):
         return
     defaults = {"signal": SIGNAL, "floor": 1.0, "N_gain_rad_s": 0.0}
     defaults |= _AS_PAPERS if choice.startswith("abcd") else {}
@@ -245,7 +245,7 @@ def _fit_rule(cfg: DictConfig, choice: str, is_typed: Callable[[str], bool]) -> 
     for key, value in defaults.items():
         if not is_typed(f"hebbian.{key}"):
             rule[key] = value
-    rule.name = rule.get("name") or (choice if choice != build.NONE else str(rule.rule).rpartition(":")[2].lower())
+    rule.name = rule.get("name") or (choice if choice != NONE else str(rule.rule).rpartition(":")[2].lower())
     if cfg.network.get("wiring") == "ctrnn" and not is_typed("network.tau_gain_rad_s"):
         cfg.network.tau_gain_rad_s = 0.0
 

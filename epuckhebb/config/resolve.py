@@ -146,7 +146,8 @@ def _complete_parts(cfg: DictConfig) -> None:
 
 def _write_defaults(settings: DictConfig, kind: str, part: str, key: str) -> None:
     """Write down what a class has that was left as it is, but for what all rules, or all wirings, have."""
-    shared = {field.name for field in fields(KINDS[kind].base)} if kind in ("rule", "wiring") else set()
+    base: Any = KINDS[kind].base
+    shared = {field.name for field in fields(base)} if kind in ("rule", "wiring") else set()
     for field in fields(part_class(kind, part, key)):
         if field.name not in {*shared, *settings} and isinstance(field.default, bool | int | float | str):
             settings[field.name] = field.default

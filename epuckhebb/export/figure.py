@@ -21,6 +21,7 @@ _FILES = {  # of a run, which the figures need
     "network": "traces.npz",
     "reversal": "reversal.csv",
     "learning": "history.csv",
+    "lifetime": "lifetime.csv",
 }
 
 
@@ -29,6 +30,8 @@ def _of_run(run: Run, name: str) -> Figure:
     if name == "reversal":
         shares, trials = run.table("reversal.csv"), run.table("reversal_trials.csv")
         return figures.reversal(config_of(run, "evaluate"), run.provenance["genome"], shares, trials)
+    if name == "lifetime":
+        return figures.lifetime(config_of(run, "evaluate"), run.provenance["genome"], run.table("lifetime.csv"))
     if name == "learning":
         optimizer = load_genome(str(run.path), "").optimizer  # an own one is not loaded with the settings
         return figures.learning(config_of(run, "evolve"), optimizer, run.table("history.csv"))

@@ -5,7 +5,8 @@ It puts a configuration, the science and a run folder together; it knows no stud
 fails raises `JobFailedError`.
 """
 
-from epuckhebb.runs import environments, hydra
+from epuckhebb.runs import hydra
+from epuckhebb.runs.environments import film
 from epuckhebb.runs.evaluate import (
     PreparedEvaluation,
     as_evolved,

@@ -5,7 +5,10 @@ are bit-identical with any number of processes.
 """
 
 import functools
+import io
+import itertools
 import json
+import time
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -42,7 +45,9 @@ from epuckhebb.worlds.environment import Lived
 
 Floats = NDArray[np.float64]
 _CHUNKS = 4  # of the work of each process, whose parts take different times
+_WORTH_S = 20.0  # of work, from which on processes are worth their start
 _MOST_SEED = 2**31 - 1
+_FRAMES, _FRAME_MS = 200, 40  # of a film
 
 
 class Work(NamedTuple):
@@ -60,10 +65,18 @@ def seed_of(seed: int, stream: Stream, *place: int) -> int:
     return int(random.key(seed, stream, *place)) & _MOST_SEED
 
 
-def run_lifetimes(config: EnvironmentConfig, works: Sequence[Work], processes: int) -> list[list[Lived]]:
-    """Run lifetimes in so many processes; for each work a list, in the order of its seeds."""
-    if processes < 2 or len(works) < 2:
-        return [_live(config, work) for work in works]
+def run_lifetimes(
+    config: EnvironmentConfig, works: Sequence[Work], processes: int, times: int = 1
+) -> list[list[Lived]]:
+    """Run lifetimes in so many processes; for each work a list, in the order of its seeds.
+
+    The first work is run here, and so are all others if processes would take longer to start. times: how often as much
+    work comes.
+    """
+    began = time.perf_counter()
+    first, works = _live(config, works[0]), works[1:]
+    if processes < 2 or not works or (time.perf_counter() - began) * len(works) * times < _WORTH_S:
+        return [first, *(_live(config, work) for work in works)]
     import joblib
 
     values = config.command.partition("_")[0], json.dumps(config.values)
@@ -71,7 +84,7 @@ def run_lifetimes(config: EnvironmentConfig, works: Sequence[Work], processes: i
     chunks = [works[k * len(works) // count : (k + 1) * len(works) // count] for k in range(count)]
     with hydra.joblib_workers():
         found = joblib.Parallel(n_jobs=processes)(joblib.delayed(_live_chunk)(*values, chunk) for chunk in chunks)
-    return [lives for chunk in found for lives in chunk]
+    return [first, *(lives for chunk in found for lives in chunk)]
 
 
 @functools.lru_cache(maxsize=2)
@@ -125,7 +138,8 @@ class _Evaluator:
     ) -> tuple[Floats, Floats, dict[str, Floats], int]:
         seed, loops = self.config.seed, range(self.lifetimes)
         seeds = tuple(seed_of(seed, Stream.training_noise, generation, loop) for loop in loops)
-        found = run_lifetimes(self.config, [Work(0, genes, seeds) for genes in population], self.processes)
+        works = [Work(0, genes, seeds) for genes in population]
+        found = run_lifetimes(self.config, works, self.processes, self.config.schedule.generations)
         fitness = np.array([np.mean([lived.rewards.sum() for lived in lives]) for lives in found])
         steps = sum(len(lived.rewards) for lives in found for lived in lives)
         return fitness, np.full(len(fitness), np.nan), {}, steps
@@ -149,8 +163,10 @@ class PreparedEnvironmentEvolution:
     ) -> Iterator[Generation]:
         """The generations of the evolution, beside a bar."""
         config, evaluator = self.config, _Evaluator(config=self.config, processes=threads)
-        count, own = config.schedule.generations, {"network": self.network, "rule": config.rule}
-        found = search_generations(config.algorithm, evaluator, count, config.seed, after, **own)
+        count = config.schedule.generations
+        found = search_generations(
+            config.algorithm, evaluator, count, config.seed, after, network=self.network, rule=config.rule
+        )
         yield from shown_in_bar(found, count, after, quiet=quiet)
 
     def network_genes(self, champion: Floats) -> Floats:
@@ -287,3 +303,28 @@ def _(config: EvaluateEnvironment, genome: Genome | None = None) -> PreparedEnvi
         )
     check_rules(genome, network, [(tested.name, tested.rule) for tested in config.controllers])
     return PreparedEnvironmentEvaluation(config=config, genome=genome)
+
+
+def film(config: EvaluateEnvironment) -> bytes:
+    """A GIF of the first lifetime of the rule of an evaluation, or of the network alone, drawn by the environment."""
+    from PIL import Image
+
+    prepared = prepare_evaluation(config)
+    works = prepared.works(range(1))
+    work, frames, step = works[min(1, len(works) - 1)], list[Any](), itertools.count()
+    every = max(1, config.environment.horizon // _FRAMES)
+
+    def watch(env: Any) -> None:
+        if next(step) % every == 0:
+            frames.append(Image.fromarray(env.render()).reduce(2))
+
+    try:
+        config.world.live(_controller(config, work), work.seeds[0], watch=watch)
+    except Exception as error:  # of a library that draws, which may raise anything
+        raise ConfigError(
+            f"environment={config.world.name} cannot be drawn here: {error}; without a screen, MuJoCo needs "
+            "MUJOCO_GL=osmesa or egl"
+        ) from error
+    buffer = io.BytesIO()
+    frames[0].save(buffer, "GIF", save_all=True, append_images=frames[1:], duration=_FRAME_MS, loop=0)
+    return buffer.getvalue()

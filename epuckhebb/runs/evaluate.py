@@ -13,6 +13,7 @@ from epuckhebb.adaptation.nominal import Nominal, measure_nominal
 from epuckhebb.analysis import tables
 from epuckhebb.analysis.evaluate import Rows, Traces, evaluate
 from epuckhebb.config import (
+    Checked,
     EvaluateConfig,
     alternatives,
     check_library,
@@ -204,8 +205,11 @@ def check_rules(genome: Genome, network: Network, rules: Iterable[tuple[str, Rul
 
 
 @functools.singledispatch
-def prepare_evaluation(config: EvaluateConfig, genome: Genome | None = None) -> PreparedEvaluation:
-    """Check that a genome, the one that the settings name unless given, fits robot, task, network and rules."""
+def prepare_evaluation(config: Any, genome: Genome | None = None) -> Any:
+    """Check that a genome, the one that the settings name unless given, fits robot, task, network and rules.
+
+    It gives a `PreparedEvaluation`, or one of its like.
+    """
     check_library(config.world)
     if genome is None:
         genome = load_genome(config.genome, config.world.experiment, config.shape)
@@ -277,9 +281,7 @@ def compile_for(controllers: Sequence[Controller], network: Network, world: Scen
         raise ConfigError(str(error)) from error
 
 
-def evaluate_into(
-    path: Path, config: EvaluateConfig, overrides: list[str], facts: dict[str, Any], *, threads: int
-) -> None:
+def evaluate_into(path: Path, config: Checked, overrides: list[str], facts: dict[str, Any], *, threads: int) -> None:
     """Claim a folder and evaluate into it. overrides, facts: as for `RunFolder.new`.
 
     Tables are written before the figure is drawn. If it cannot be drawn, the run has failed, and keeps its tables.

@@ -147,8 +147,8 @@ def shown_in_bar(
 
 
 @functools.singledispatch
-def prepare_evolution(config: EvolveConfig, *, has_genome: bool = True) -> PreparedEvolution:
-    """Check that the given weights fit, and that the optimizer starts.
+def prepare_evolution(config: Any, *, has_genome: bool = True) -> Any:
+    """Check that the given weights fit, and that the optimizer starts; a `PreparedEvolution`, or one of its like.
 
     has_genome: whether the genome that the settings name exists yet; else nothing is read.
     """

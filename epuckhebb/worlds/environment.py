@@ -196,7 +196,7 @@ class World:
                     observation.flat[faults.dead] = 0.0
                     for place, deviation in faults.noise.items():
                         observation.flat[place] += deviation * rng.standard_normal()
-                before = controller.weights.copy() if record else None
+                before = controller.weights.copy() if record else controller.weights
                 action = turn(act(read(observation), min(1.0, reward / full)))
                 if record:
                     found[:, step] = controller.weight_change, np.abs(controller.weights - before).sum()
