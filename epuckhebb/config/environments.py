@@ -76,8 +76,12 @@ class EnvironmentConfig(Checked):
         """The changes as tables have them: their name, or what is set when."""
         if self.environment.change:
             return self.environment.change
+
+        def text(key: str, value: Any) -> str:
+            return str(value).rpartition(":")[2] if key == FUNCTION else f"{key}={value_text(value, key)}"
+
         changes = (
-            (" ".join(f"{key}={value_text(value, key)}" for key, value in one.items() if key != AT), one[AT])
+            (" ".join(text(*item) for item in one.items() if item[0] != AT), one[AT])
             for one in self.environment.changes
         )
         return ", ".join(f"{what} at {step}" for what, step in changes)
