@@ -2,6 +2,7 @@
 
 import atexit
 import gc
+import os
 import sys
 from io import TextIOWrapper
 
@@ -12,6 +13,7 @@ def main() -> None:
     """The entry point of `epuckhebb`."""
     gc.set_threshold(50_000, 20, 20)  # a start makes next to no garbage, and searching for it takes a sixth of the time
     atexit.register(gc.freeze)  # a search at the end takes as much again
+    os.environ["MPLBACKEND"] = "agg"  # a notebook has its own there, which need not be installed here
     open_missing_streams()
     end_on_signals()
     if isinstance(sys.stdout, TextIOWrapper):

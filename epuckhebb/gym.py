@@ -14,13 +14,14 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from epuckhebb.config import EvolveConfig, check_library, load, overrides_of
+from epuckhebb.config import EvolveConfig, check_library, load, overrides_of, values_of
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import kernel
 from epuckhebb.controller.forward_pass import forward_pass
 from epuckhebb.controller.network import PAPER_NETWORK, WEIGHT_LIMIT, GivenOutputs, Network, initial_weights_of
 from epuckhebb.controller.plasticity.rule import NO_RULE
 from epuckhebb.controller.random import Stream, key
+from epuckhebb.runs import compile_for
 from epuckhebb.runtime import ConfigError
 from epuckhebb.tmaze.individual import Individual
 from epuckhebb.tmaze.maze import SIDES, Side
@@ -29,6 +30,7 @@ from epuckhebb.tmaze.session import Session
 from epuckhebb.tmaze.simulator import Simulator
 
 ID = "epuckhebb/TMaze-v0"
+_OF_WORLD = ("scenario", "change", "maze", "robot", "task", "fitness", "physics", "lifetime")  # groups that count here
 REWARDS = ("fitness", "success", "progress")
 
 
@@ -60,6 +62,9 @@ class TMaze(gymnasium.Env[Floats, Floats]):
         if reward not in REWARDS:
             raise ConfigError(f"reward must be one of {', '.join(REWARDS)}, got {reward!r}")
         words = overrides_of(overrides, {"scenario": scenario, "hebbian": "none"})
+        for name in values_of(words[2:]):
+            if name.partition(".")[0] not in _OF_WORLD:
+                raise ConfigError(f"{name} does nothing here; overrides set {', '.join(_OF_WORLD)}")
         config = load(EvolveConfig, words, None if config_dir is None else str(config_dir))
         self.world, self.lifetime, self.reward, self.side = config.world, config.lifetime, reward, side
         check_library(self.world)
@@ -68,6 +73,7 @@ class TMaze(gymnasium.Env[Floats, Floats]):
         lowest[self.world.robot.inputs :] = -1.0
         self.observation_space = gymnasium.spaces.Box(lowest, np.ones(self.world.inputs), dtype=np.float64)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (OUTPUTS,), np.float64)
+        compile_for([], self.network, self.world)
         self._simulator = Simulator(self.world, self.lifetime, NO_RULE)
         self._session: Session | None = None
 

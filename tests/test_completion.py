@@ -50,14 +50,19 @@ def test_choices():
     assert completion.complete_override("evaluate", "maze=t_maze_9") == ["maze=t_maze_90"]
     assert completion.complete_override("evolve", "ga=") == ["ga=as_coded", "ga=reversal", "ga=textbook"]
     assert completion.complete_override("evaluate", "nothing=") == []
+    assert completion.complete_override("evaluate", "hebbian.sign=a") == ["hebbian.sign=anti"]
+    assert completion.complete_override("evolve", "figures=p") == ["figures=png", "figures=pdf"]
+    assert "ga.crossover=middle" in completion.complete_override("evolve", "ga.crossover=")
     assert completion.complete_sweep("n") == ["n_sweep"]
     assert completion.complete_group("ev") == ["evaluate", "evolve"]
     assert completion.complete_override("evaluate", "genome=reference_ode_301") == ["genome=reference_ode_301"]
     assert "genome=reference_7" in completion.complete_override("evolve", "genome=")
 
 
-def test_figures_that_a_run_has_drawn(tmp_path):
+def test_figures_of_a_run(tmp_path):
     (tmp_path / "figures").mkdir()
     (tmp_path / "figures" / "trajectories.svg").touch()
+    (tmp_path / "history.csv").touch()
     context = SimpleNamespace(params={"run": tmp_path})
     assert completion.complete_figure(context, "tra") == ["trajectories"]
+    assert completion.complete_figure(context, "") == ["learning", "trajectories"]

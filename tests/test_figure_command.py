@@ -1,5 +1,9 @@
 """`epuckhebb figure`, and the key `figures`."""
 
+import os
+import subprocess
+import sys
+
 import pytest
 from cases import done, first_of, refused
 
@@ -38,6 +42,15 @@ def test_a_figure_is_drawn_again(runs, name, run):
     written = done("figure", runs / run, name, "--format", "pdf", "--width", "180").stdout.strip()
     assert written == str(runs / run / "figures" / f"{name}.pdf")
     assert (runs / run / "figures" / f"{name}.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_settings_of_matplotlib_change_nothing(runs, here):
+    """Those of a notebook that calls the program, and of a file beside it."""
+    (here / "matplotlibrc").write_text("text.usetex: True\nfont.size: 30\n")
+    environment = {**os.environ, "MPLBACKEND": "module://nowhere"}
+    words = ["figure", str(runs / "evaluated"), "trajectories", "-f", "svg", "-o", "again.svg"]
+    subprocess.run([sys.executable, "-m", "epuckhebb", *words], env=environment, check=True)
+    assert (here / "again.svg").read_bytes() == (runs / "evaluated" / "figures" / "trajectories.svg").read_bytes()
 
 
 def test_without_a_name_the_names_are_listed(runs):

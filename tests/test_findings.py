@@ -20,6 +20,7 @@ from epuckhebb.analysis.statistics import (
     improvement,
     interquartile_mean,
     mean,
+    performance_profile,
     permutation,
     sign_flip,
     sign_flip_of_shares,
@@ -196,7 +197,7 @@ def test_a_bootstrap_knows_nothing_of_few_or_of_equals():
 
 
 def test_aggregates_are_those_of_rliable():
-    """Numbers of rliable-fork 1.2.0: `metrics.aggregate_iqm` and `probability_of_improvement`.
+    """Numbers of rliable-fork 1.2.0: of its interquartile mean, probability of improvement and performance profile.
 
     Its scores are (runs, tasks); a champion is a run, and its success over all test worlds is the one task.
     """
@@ -208,6 +209,8 @@ def test_aggregates_are_those_of_rliable():
         others = scores[row["experiment"], row["other"]]
         assert interquartile_mean(ours) == pytest.approx(row["iqm"], abs=1e-12)
         assert improvement(ours, others) == pytest.approx(row["improvement"], abs=1e-12)
+        exceed = performance_profile(ours, np.array([0.25, 0.5, 0.75]))
+        assert exceed.tolist() == pytest.approx(row["exceed"], abs=1e-12)
 
 
 def lifetimes(outcomes, repeats=3):
@@ -352,7 +355,7 @@ def test_claims_by_hand(paper):
     assert unchanged.verdict == "check passed"
     assert math.isnan(unchanged.low)  # it is no statistic
     assert found.verdict["N = 1.5e-05 rescues it at 2"] == "no trial to judge by"
-    assert found.verdict["N = 1.5e-05 rescues it at 4"] == "too few (2 of 2 champions)"
+    assert found.verdict["N = 1.5e-05 rescues it at 4"] == "too few (n = 2, 2 champions)"
     assert found.paper_effect["Plasticity reaches the goal sooner"] == pytest.approx(-10.14, abs=0.01)
 
 
@@ -400,8 +403,8 @@ def test_sides_of_a_champion_are_one_piece_of_evidence():
         ([1] + [0] * 19, [1] * 20, "does not hold"),
         ([1] * 10 + [0] * 10, [1] * 20, "mixed"),
         ([1] * 6 + [0] * 2, [1] * 8, "inconclusive (n = 8)"),
-        ([0] * 3, [2] * 3, "too few (6 of 3 champions)"),
-        ([1], [1], "too few (1 of 1 champion)"),
+        ([0] * 3, [2] * 3, "too few (n = 6, 3 champions)"),
+        ([1], [1], "too few (n = 1, 1 champion)"),
         ([], [], "no trial to judge by"),
     ],
 )

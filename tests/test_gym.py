@@ -49,8 +49,10 @@ def test_the_bundled_champion_runs_as_in_evaluate(side, wheel):
     """To the bit, with a change of light, new obstacles and a weak or slipping wheel on the way."""
     changes = f"[{{at_s: 5, light: 1.0}}, {{at_s: 9, obstacles: 2, {wheel}}}]"
     words = ["scenario=4obstacles", f"scenario.changes={changes}"]
-    words += ["hebbian=none", "lifetime.duration_s=20", "lifetime.gain_rad_s=4"]
-    result = epuckhebb.evaluate("reference", *words, "lifetime.record_every=1", repeats=2, seed=7, progress=False)
+    words += ["lifetime.duration_s=20", "lifetime.gain_rad_s=4"]
+    result = epuckhebb.evaluate(
+        "reference", *words, "hebbian=none", "lifetime.record_every=1", repeats=2, seed=7, progress=False
+    )
     row = result.metrics[(result.metrics.side == side) & (result.metrics.repeat == 0)].iloc[0]
     number = result.recorded.side.index(side)
     policy = policy_from_genome(epuckhebb.load())
@@ -76,6 +78,7 @@ def test_a_look_is_what_the_next_step_senses(genomes, scenario):
 
 
 FITNESS = """\
+import numpy as np
 from epuckhebb import Fitness
 
 
@@ -83,6 +86,8 @@ class Fast(Fitness):
     step = staticmethod(lambda left, right: (left + right) / 2)
 class Far(Fitness):
     life = staticmethod(lambda path_length: path_length)
+class Drawn(Fitness):
+    life = staticmethod(lambda: np.random.random())
 class Both(Fast):
     life = staticmethod(lambda mean, success: mean + success)
 """
@@ -146,12 +151,18 @@ def test_a_policy_as_a_genome_and_back():
         policy_from_genome(genes, wired)
 
 
-def test_bad_input_is_refused():
+def test_bad_input_is_refused(here):
+    (here / "mine.py").write_text(FITNESS)
     for settings, text in (
         ({"reward": "gold"}, "reward must be one of fitness, success, progress, got 'gold'"),
         ({"side": "up"}, "side must be left or right"),
         ({"scenario": "nowhere"}, "nowhere"),
         ({"overrides": ["lifetime.duration_s=-1"]}, "lifetime.duration_s"),
+        ({"overrides": ["hebbian=oja"]}, "hebbian does nothing here"),
+        ({"overrides": ["training=varied"]}, "training does nothing here"),
+        ({"overrides": ["optimizer.algorithm=ga"]}, "optimizer.algorithm does nothing here"),
+        ({"config_dir": "/nowhere"}, "config-dir=/nowhere is no folder"),
+        ({"overrides": ["fitness.function=mine.py:Drawn"]}, "run again"),
     ):
         with pytest.raises(ValueError, match=text):
             TMaze(**settings).reset()

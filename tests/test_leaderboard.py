@@ -14,6 +14,7 @@ from epuckhebb.analysis import leaderboard as board
 from epuckhebb.cli import completion
 from epuckhebb.config import compose
 from epuckhebb.config.schema import EvolveConfig, typed
+from epuckhebb.runs import earlier_champions
 from epuckhebb.runtime.conf import groups
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.studies import leaderboard, methods
@@ -86,8 +87,29 @@ def test_it_leaves_tables_a_figure_and_a_page(made):
     assert (folder / "figures" / "leaderboard.png").read_bytes().startswith(b"\x89PNG")
     page = (folder / "report.html").read_text()
     assert "://" not in re.sub(r'src="data:[^"]+"', "", page)
-    assert page.count('src="data:image/png;base64,') == 1
+    assert page.count('src="data:image/png;base64,') == 3
     assert "<title>epuckhebb: Leaderboard</title>" in page
+
+
+def test_the_champions_of_earlier_generations_are_those_that_the_evolution_had(made):
+    folder, _ = made
+    course = pd.read_csv(folder / "anytime.csv")
+    assert set(course.method) == {"tiny"}  # that other methods are added to
+    assert list(course.mark) == [0, 1, 2, 3]
+    last = pd.read_csv(folder / "leaderboard.csv").set_index("method").loc["tiny"]
+    assert course.iloc[3][["robot_steps", "success"]].tolist() == [last.robot_steps, last.success]
+    assert course.robot_steps.is_monotonic_increasing
+
+
+@pytest.mark.usefixtures("here")
+def test_an_evolution_that_stops_early_ends_with_an_earlier_champion():
+    small = ["ga.population=6", "ga.elites=2", "ga.loops=1", "lifetime.duration_s=5", "figures=none"]
+    for generations in (1, 3):
+        done("evolve", *small, f"ga.generations={generations}", f"hydra.run.dir={generations}")
+    (early,) = earlier_champions(Path("3"), [1 / 3])
+    with np.load("1/champion.npz") as champion:
+        assert (early[1] == champion["genome"]).all()
+    assert early[0] == pd.read_csv("1/history.csv").robot_steps.sum()
 
 
 def test_a_method_brings_what_it_is_compared_with(made):
@@ -209,9 +231,10 @@ def test_the_share_of_a_learner_by_hand():
 
 
 def test_methods_that_differ_in_training_or_optimizer_alone_are_one_in_reversal_learning():
-    names = ["ga_varied", "abcd", "evolve_and_merge", "late", "modulated_over_ga", "online"]
+    names = ["ga_varied", "abcd", "evolve_and_merge", "late", "modulated_over_ga", "online", "elman"]
     here = {method.name: method for method in in_reversal(methods_named(names))}
-    assert list(here) == ["ga", "abcd", "modulated_over_ga"]
+    assert list(here) == ["ga", "abcd", "modulated_over_ga", "elman"]
+    assert here["elman"].evolve == {"task": "reversal", "ga": "reversal", "network.wiring": "elman"}
     assert here["ga"].evolve == {"task": "reversal", "ga": "reversal"}
     assert here["abcd"].evolve == {"task": "reversal", "ga": "reversal", "hebbian": "abcd"}
     assert (here["abcd"].matched_control, here["modulated_over_ga"].champions_of) == ("ga", "ga")
@@ -288,7 +311,8 @@ def rows_of(method, successes, solves):
 
 
 def test_the_table_by_hand():
-    champions = pd.DataFrame(rows_of("matched_control", (1, 2, 4), (1, 0, 1)) + rows_of("own", (2, 2, 3), (1, 1, 0)))
+    control, own = ((1, 2, 4) * 2, (1, 0, 1) * 2), ((2, 2, 3) * 2, (1, 1, 0) * 2)
+    champions = pd.DataFrame(rows_of("matched_control", *control) + rows_of("own", *own))
     told = {"experiment": "obstacles", "evolved_parameters": 1}
     table = board.table(
         [
@@ -299,11 +323,13 @@ def test_the_table_by_hand():
     ).set_index("method")
     assert table.success.to_dict() == {"matched_control": 7 / 12, "own": 7 / 12}
     assert table.retention.to_dict() == {"matched_control": 5 / 8, "own": 0.5}
-    assert table.solved.to_dict() == {"matched_control": 2, "own": 2}
+    assert table.solved.to_dict() == {"matched_control": 4, "own": 4}
     assert table.best.to_dict() == {"matched_control": 1.0, "own": 0.75}
     assert table.difference["own"] == pytest.approx((1 + 0 - 1) / 12)
     assert table.difference_low["own"] <= 0 <= table.difference_high["own"]
-    assert table.sign_flip_p["own"] == 1
+    assert table.p["own"] == table.p_holm["own"] == table.best_plain_p_holm["own"] == 1
+    assert table.best_plain.to_dict() == {"matched_control": "", "own": "matched_control"}
+    assert table.improvement["own"] == pytest.approx((2 * 2 + 1) / 9)  # of nine pairs: two are ties, four are wins
     assert np.isnan(table.difference["matched_control"])
     assert np.isnan(table.success_off["matched_control"])
 
@@ -313,7 +339,7 @@ def test_the_table_by_hand():
 
 @pytest.mark.parametrize("folder", REFERENCES)
 def test_the_reference_table_comes_of_the_rows_of_champions(folder):
-    told = pd.read_csv(folder / "leaderboard.csv").fillna({"matched_control": ""})
+    told = pd.read_csv(folder / "leaderboard.csv").fillna({"matched_control": "", "best_plain": ""})
     rows = [
         board.Row(
             experiment=row.experiment,

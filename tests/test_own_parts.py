@@ -1,6 +1,7 @@
 """Parts of the user's own, of every kind: all are found, checked, run, kept and refused in the same way."""
 
 import hashlib
+import json
 import os
 import shutil
 import subprocess
@@ -188,7 +189,7 @@ BAD = {  # a name, and the words with which its part is evaluated or evolved
     "words": (part("fitness", method=LIFE.format("'good'")), "fitness", "'good'"),
     "nan": (part("fitness", method=LIFE.format("np.nan")), "fitness", "nan"),
     "negative": (part("sensor", method="read = staticmethod(lambda x: -0.5)"), "sensor", "-0.5"),
-    "several": (part("sensor", method="read = staticmethod(lambda x: (0.1, 0.2))"), "sensor", "does not compile"),
+    "several": (part("sensor", method="read = staticmethod(lambda x: (0.1, 0.2))"), "sensor", "must give a number"),
     "leaving": (part("sensor", method="read = staticmethod(lambda x: exit())"), "sensor", "robot.sensors.sensor="),
     "far": (part("wiring").replace("inputs + 4", "99"), "wiring", "joins a neuron that is not there"),
     "endless": (part("wiring").replace("[(0, inputs + 4), (0, inputs + 5)]", "iter(lambda: (0, inputs + 1), 0)"),
@@ -213,6 +214,12 @@ COMPILED = {  # it takes a kernel to find these; the first is among the ordinary
     "draws in a helper": (part("fitness", method="step = staticmethod(lambda left: left + helper())") +
                           "from numba.extending import overload\ndef helper(): pass\n@overload(helper)\n"
                           "def _helper(): return lambda: np.random.random()\n", "fitness", "run again"),
+    **{f"gives {what}": (part(kind, method=f"{method} = staticmethod(lambda {argument}: {given})"), kind,
+                         f"`{method}` must give a number, it gives {what}")
+       for kind, method, argument, given, what in (
+           ("rule", "synapse", "pre", "None", "nothing"), ("fitness", "step", "left", "(left, left)", "UniTuple"),
+           ("fitness", "step", "left", "'good'", "unicode_type"), ("wiring", "neuron", "drive", "1j", "complex"),
+           ("sensor", "read", "x", "x if x > 0 else None", "nothing, at least sometimes"))},
     "makes no sense": (part("rule", method="synapse = staticmethod(lambda pre: pre.times(2))"), "rule", "times"),
     "draws": (part("sensor", method="read = staticmethod(lambda x: np.random.random())"), "sensor", "run again"),
     "draws numbers": (part("wiring", method="neuron = staticmethod(lambda drive: np.random.random())"), "wiring",
@@ -237,6 +244,18 @@ def test_what_compiled_code_does_wrong_is_refused_before_there_is_a_folder(case)
     words = ["evolve", "lifetime.duration_s=2"] if kind in ("wiring", "sensor") else ["evaluate", *SHORT]
     assert message in refused(*words, *words_for(kind), *(["hebbian.N=0.001"] if kind == "rule" else []))
     assert not Path("runs").exists()
+
+
+@pytest.mark.usefixtures("here")
+def test_what_a_part_prints_is_on_standard_error():
+    """Compiled code prints, too, and goes on."""
+    method = (
+        "def step(left):\n        print('stepping')\n        return left > 0.5\n    step = staticmethod(step)\n    "
+    )
+    Path("bad.py").write_text(part("fitness", method=method + LIFE.format("print('living') or 0.5")))
+    result = done("evaluate", *SHORT, *words_for("fitness"), "--json")
+    assert json.loads(result.stdout)["command"] == "evaluate"
+    assert {"stepping", "living"} <= set(result.stderr.split())
 
 
 # An edited file counts at once, also for machine code

@@ -215,6 +215,13 @@ evaluate hebbian.rule=unknown.py:oja                    | prae | pre, post, weig
 evaluate {OJA} hebbian.decya=1                          | hebbian.decya | decay
 evaluate {OJA} hebbian.decay=fast                       | hebbian.decay | fast
 evaluate "compare.a={{rule: nowhere.py:b}}"             | compare.a.rule | nowhere.py
+# what Hydra would take elsewhere, or ignore
+evaluate -m seed=1,2 hydra.run.dir=mine                 | hydra.run.dir=mine | hydra.sweep.dir
+evaluate ++hydra.sweep.dir=mine                         | hydra.sweep.dir=mine | hydra.run.dir
+evaluate -m seed=interval(1,3)                          | seed=interval(1,3) | range
+evaluate seed=interval(1,3)                             | seed=interval(1,3) | range
+sweep light hydra.run.dir=mine                          | hydra.run.dir=mine | hydra.sweep.dir
+evaluate -m scenario=glob(*obst*)                       | scenario=glob(*obst*) | values
 # launchers and options
 evaluate -m hydra/launcher=ray seed=1,2                 | epuckhebb[ray]
 evaluate experiment=n_sweep                             | epuckhebb sweep n_sweep

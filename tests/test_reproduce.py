@@ -116,6 +116,7 @@ def test_one_given_genome_stands_beside_the_paper(here, genomes):
     np.save("mine.npy", genomes[0])
     done("reproduce", "obstacles", "genome=mine.npy", "rates=[]", "repeats=1", "signal=as_coded")
     (folder,) = (here / "runs" / "reproduce").iterdir()
+    assert "Table 3" in done("show", folder).stdout
     comparison = pd.read_csv(folder / "comparison.csv")
     assert comparison.relative_deviation.notna().sum() > 30
     assert "Relative deviation" in (folder / "report.md").read_text()

@@ -67,6 +67,18 @@ def test_latest_is_the_one_of_the_last_call():
     assert json.loads(shown("latest", "--json"))["command"] == "sweep"
 
 
+def test_a_run_of_the_future_is_not_the_latest(here):
+    for name, year in (("before", 2001), ("wrong", 2999), ("after", 2002)):
+        folder = here / "runs" / "evaluate" / name
+        folder.mkdir(parents=True)
+        (folder / "status.json").write_text(json.dumps({"state": "finished", "started": f"{year}-01-01"}))
+        facts = {"command": name, "command_line": [], "overrides": [], "code": {"version": "1", "commit": ""}}
+        (folder / "provenance.json").write_text(json.dumps(facts))
+    assert json.loads(shown("latest", "--json"))["command"] == "after"
+    assert "in the future" in shown().splitlines()[0]
+    assert "in the future" in shown("runs/evaluate/wrong")
+
+
 @pytest.mark.usefixtures("_there")
 def test_a_multirun_is_a_table_over_all():
     (multirun,) = Path("runs/evaluate").glob("*_multirun")

@@ -142,7 +142,7 @@ def test_the_dose_response_has_each_condition_and_the_genes_alone_beside_it():
 def test_the_dose_response_of_champions_is_one_panel_a_world_over_all_of_them():
     rows = [
         lives(controller, rate, n).assign(genome=genome, scenario=scenario)
-        for n, genome in enumerate("abc", start=1)
+        for n, genome in zip((1, 2, 3, 1, 2, 3), "abcdef", strict=True)
         for scenario in ("base", "4obstacles")
         for controller, rate in (("GA", "0"), ("Hebbian", "0.1"), ("Hebbian", "0.2"))
     ]
@@ -150,7 +150,7 @@ def test_the_dose_response_of_champions_is_one_panel_a_world_over_all_of_them():
     assert "(over champions)" in charts.rates(doses).get_suptitle()
     assert list(doses.condition.unique()) == ["base: Hebbian", "4obstacles: Hebbian"]
     assert set(doses.success) == {0.5}
-    assert set(doses.success_low) == {0.25}  # of the champion that does worst
+    assert (doses.success_low < 0.5).all()
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import numpy as np
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled
-from epuckhebb.controller.own_class import OwnClass, call_of
+from epuckhebb.controller.own_class import OwnClass, call_of, number
 from epuckhebb.tmaze.robot import STEP_S
 
 RECENT_S = 5.0  # time constant of recent means
@@ -57,8 +57,8 @@ class ChangeSignal(OwnClass):
 
 def signal_of(kind: type[ChangeSignal]) -> Callable[..., float]:
     """The function `signal(now, nominal)` of a kernel. now: a `SignalContext`. nominal: a `NominalOfSide`."""
-    function: Callable[..., float] = call_of(kind.signal, kind.arguments("signal"), _OF_SIGNAL, "now, nominal")
-    return function
+    call = call_of(kind.signal, kind.arguments("signal"), _OF_SIGNAL, "now, nominal")
+    return compiled(lambda now, nominal: number(call(now, nominal)))
 
 
 class NominalOfSide(NamedTuple):

@@ -4,7 +4,8 @@ Colours are Okabe and Ito's, which colour-blind readers can distinguish; line st
 """
 
 import itertools
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -18,12 +19,15 @@ from numpy.typing import NDArray
 
 from epuckhebb.analysis import leaderboard, rescue
 from epuckhebb.analysis.figures import SIDE_COLOUR, plain, tidy
+from epuckhebb.analysis.image import as_by_default
+from epuckhebb.analysis.statistics import performance_profile
 from epuckhebb.controller.network import PAPER_NETWORK, Network, initial_weights_of
 from epuckhebb.tmaze.individual import CONTROLS, GA
 from epuckhebb.tmaze.robot import EPUCK, Robot
 from epuckhebb.tmaze.samples import Samples
 
 _WEIGHT_CHANGE = "weight change\n(mean of sum |W − W_gene|)"
+_NAMED = 8  # rates for whose names an axis has room
 _AS_NUMBER = StrMethodFormatter("{x:g}")  # 100, not 10 to the 2
 _SCENARIO_STYLE = {
     "base": ("#0072B2", "o", "-"),
@@ -38,6 +42,7 @@ def _name_rates(axes: Axes, places: Iterable[float], rates: Iterable[float]) -> 
     axes.set_xticks(list(places), [f"{rate:g}" for rate in rates], fontsize=8)
 
 
+@as_by_default()
 def dose_response(doses: pd.DataFrame, harm: pd.DataFrame, experiment: str, champions: int) -> Figure:
     """Success, time to goal, weight change, and rescue and harm with their controls, against N.
 
@@ -94,20 +99,24 @@ def _rescue_and_harm(axes: Axes, harm: pd.DataFrame, at: Mapping[float, int]) ->
     axes.legend(frameon=False, fontsize=8)
 
 
+@as_by_default()
 def rates(doses: pd.DataFrame) -> Figure:
-    """Success and weight change against the base rate, a row of panels for each condition.
+    """Success, weight change and saturated weights against the base rate, a row of panels for each condition.
 
     doses: of `analysis.summary.dose_response`; the rows of `GA` are without plasticity.
     """
     over = "champions" if doses.champions.max() > 1 else f"noise, {doses.genome.iloc[0]} alone"
     conditions = list(doses.groupby("condition", sort=False))
-    figure = Figure(figsize=(9, 2.9 * len(conditions) + 0.6), layout="constrained")
-    rows = figure.subplots(len(conditions), 2, squeeze=False, sharex=True, sharey="col")
+    figure = Figure(figsize=(13, 2.9 * len(conditions) + 0.6), layout="constrained")
+    rows = figure.subplots(len(conditions), 3, squeeze=False, sharex=True, sharey="col")
+    labels = {
+        "success": "success",
+        "weight_change_mean": _WEIGHT_CHANGE,
+        "saturated_fraction": "share of weights at their bound",
+    }
     for (condition, own), panels in zip(conditions, rows, strict=True):
         alone, plastic = own[own.controller == GA], own[own.controller != GA].sort_values("N")
-        for axes, column, label in zip(
-            panels, ("success", "weight_change_mean"), ("success", _WEIGHT_CHANGE), strict=True
-        ):
+        for axes, (column, label) in zip(panels, labels.items(), strict=True):
             for side, marker, shift in (("left", "o", 1 / 1.03), ("right", "^", 1.03)):
                 of_side = plastic[plastic.side == side]
                 y, low, high = (of_side[column + end].to_numpy(float) for end in ("", "_low", "_high"))
@@ -116,7 +125,8 @@ def rates(doses: pd.DataFrame) -> Figure:
                 for success in alone.success[alone.side == side] if column == "success" else ():
                     axes.axhline(success, color=SIDE_COLOUR[side], linestyle="--", linewidth=1.2, label=f"GA, {side}")
             axes.set(xscale="log", xlabel="base rate N", ylabel=label)
-            _name_rates(axes, *[plastic.N.unique()] * 2)
+            if plastic.N.nunique() <= _NAMED:
+                _name_rates(axes, *[plastic.N.unique()] * 2)
             axes.set_xticks([], minor=True)
             tidy(axes, "y")
         panels[0].set_title(plain(condition), fontsize=10, loc="left")
@@ -128,6 +138,7 @@ def rates(doses: pd.DataFrame) -> Figure:
     return figure
 
 
+@as_by_default()
 def learning_curves(histories: Mapping[str, list[pd.DataFrame]]) -> Figure:
     """Best and mean fitness over the generations; for many evolutions, median and quartiles."""
     figure = Figure(figsize=(5 * len(histories), 3.6), layout="constrained")
@@ -152,6 +163,7 @@ def learning_curves(histories: Mapping[str, list[pd.DataFrame]]) -> Figure:
     return figure
 
 
+@as_by_default()
 def weight_change(conditions: Mapping[str, Mapping[str, Samples]], against: str, title: str) -> Figure:
     """A panel for each condition: weight change between samples against fitness or a sensor reading.
 
@@ -185,6 +197,7 @@ _AGAINST = {
 }
 
 
+@as_by_default()
 def network(
     genes: NDArray[np.float64],
     samples: Mapping[str, Samples],
@@ -228,6 +241,7 @@ def network(
 _RESCUED, _HARMED = "#0072B2", "#D55E00"
 
 
+@as_by_default()
 def rescue_over_all(over_all: pd.DataFrame) -> Figure:
     """A panel for each experiment: the shares rescued and harmed by each plasticity, with their intervals."""
     groups = list(over_all.groupby("experiment", sort=False))
@@ -257,6 +271,7 @@ def rescue_over_all(over_all: pd.DataFrame) -> Figure:
 _KIND_COLOUR = {leaderboard.PLAIN: "#555555", leaderboard.EVOLVED: "#0072B2", leaderboard.POST_HOC: "#D55E00"}
 
 
+@as_by_default()
 def leaderboard_of(board: pd.DataFrame, champions: pd.DataFrame, limits: Mapping[str, Mapping[str, float]]) -> Figure:
     """Two panels for each experiment: success of each method, and the difference to its matched control.
 
@@ -303,6 +318,48 @@ def leaderboard_of(board: pd.DataFrame, champions: pd.DataFrame, limits: Mapping
     return drawn
 
 
+def profiles(board: pd.DataFrame, champions: pd.DataFrame) -> Figure:
+    """The share of champions that exceed each success, of each method; see `leaderboard_of`."""
+    thresholds = np.linspace(0.0, 1.0, 401)
+
+    def curve(own: pd.DataFrame) -> tuple[Any, Any]:
+        return thresholds, performance_profile((own.successes / own.trials).to_numpy(float), thresholds)
+
+    drawn = _curves(board, champions, curve, drawstyle="steps-post")
+    for axes in drawn.axes:
+        axes.set(xlim=(0, 1), xlabel="success over the test worlds", ylabel="share of champions that exceed it")
+    return drawn
+
+
+def anytime(board: pd.DataFrame, course: pd.DataFrame) -> Figure:
+    """The success of each method against the robot-steps of its evolution. course: of `leaderboard.anytime`."""
+    tested = board[board.method.isin(course.method)]
+    drawn = _curves(tested, course, lambda own: (own.robot_steps / 1e6, own.success), marker="o", markersize=3)
+    for axes in drawn.axes:
+        axes.set(xscale="log", xlabel="million robot-steps of evolution", ylabel="success over the test worlds")
+    return drawn
+
+
+def _curves(
+    board: pd.DataFrame, rows: pd.DataFrame, curve: Callable[[pd.DataFrame], tuple[Any, Any]], **style: Any
+) -> Figure:
+    """A line for each method, a panel for each experiment; the best method of each kind has its name."""
+    groups = list(board[board.experiment.isin(rows.experiment)].groupby("experiment", sort=False))
+    drawn = Figure(figsize=(3.6 * len(groups) + 1.0, 3.6), layout="constrained")
+    for axes, (experiment, own) in zip(drawn.subplots(1, len(groups), squeeze=False)[0], groups, strict=True):
+        best = own.loc[own.groupby("kind").success.idxmax()].set_index("method").kind
+        for method in sorted(own.method, key=lambda name: name in best):
+            line = curve(rows[(rows.experiment == experiment) & (rows.method == method)])
+            axes.plot(*line, color="#bbbbbb", linewidth=0.8, **style)
+            if method in best:
+                axes.plot(*line, color=_KIND_COLOUR[best[method]], linewidth=2.0, label=plain(method), **style)
+        axes.set(ylim=(0, 1.02), title=leaderboard.title(str(experiment)))
+        axes.title.set_fontsize(10)
+        tidy(axes)
+        axes.legend(frameon=False, fontsize=8)
+    return drawn
+
+
 def _interval(axes: Axes, place: int, colour: str, value: float, low: float, high: float) -> None:
     away = None if np.isnan(low) else [[value - low], [high - value]]
     axes.errorbar([value], [place], xerr=away, fmt="o", color=colour, markersize=5, elinewidth=1.3)
@@ -317,6 +374,7 @@ _CONTROLLER_COLOURS = ("#999999", "#009E73", "#CC79A7", "#0072B2", "#D55E00", "#
 _AROUND = (-3, 6)  # trials after the switch
 
 
+@as_by_default()
 def reversal(table: pd.DataFrame, trials: pd.DataFrame, title: str) -> Figure:
     """The rewarded share of each controller around the switch of the rewarded end, beside the first limit of `table`.
 

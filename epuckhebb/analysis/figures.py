@@ -15,6 +15,7 @@ from matplotlib.patches import Circle, Rectangle
 from matplotlib.patheffects import withStroke
 
 from epuckhebb.analysis.evaluate import Traces
+from epuckhebb.analysis.image import as_by_default
 from epuckhebb.analysis.moments import arrival, timed_change_text, with_gaps
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.tmaze.individual import CONTROLS, GA, HEBBIAN
@@ -37,6 +38,7 @@ _RAYS, _THICK = 360, 0.06  # a ray for each degree; m of a wall that are shown
 _T = TypeVar("_T")
 
 
+@as_by_default()
 def trajectories(traces: Traces, scenario: Scenario, title: str) -> Figure:
     """One maze for each controller: the paths on both sides, their start and their end."""
     controllers = list(dict.fromkeys(traces.controller))
@@ -52,6 +54,7 @@ def trajectories(traces: Traces, scenario: Scenario, title: str) -> Figure:
     return figure
 
 
+@as_by_default()
 def maze(scenario: Scenario) -> Figure:
     """The maze with the robot at its start."""
     figure, (axes,) = _mazes(scenario, 1, "")

@@ -223,7 +223,7 @@ def verdict(low: float, high: float, n: int, champions: int) -> str:
     The interval alone decides: 3 of 3 is not enough for any claim.
     """
     if np.isnan(low):
-        return f"too few ({n} of {champions} champion{'s' * (champions != 1)})" if n else "no trial to judge by"
+        return f"too few (n = {n}, {champions} champion{'s' * (champions != 1)})" if n else "no trial to judge by"
     if low > 0.5:
         return "holds"
     if high < 0.5:

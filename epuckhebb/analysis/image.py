@@ -1,8 +1,10 @@
 """Turns a figure into a PNG, SVG or PDF, in the size of a column or a page of a paper if one is asked for."""
 
 import io
+from collections.abc import Iterator
+from contextlib import contextmanager
 
-from matplotlib import rc_context
+from matplotlib import rc_context, rcdefaults
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
@@ -14,6 +16,15 @@ MM = 25.4  # of an inch
 _NO_DATE = {"png": {"Software": None}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
 
 
+@contextmanager
+def as_by_default() -> Iterator[None]:
+    """Draw with the settings that matplotlib has by itself, not with those of a user's `matplotlibrc`."""
+    with rc_context():
+        rcdefaults()
+        yield
+
+
+@as_by_default()
 def image(figure: Figure, kind: str = "png", width_mm: float | None = None) -> bytes:
     """The figure as a file, without date or program: equal figures are bit-identical.
 

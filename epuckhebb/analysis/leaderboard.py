@@ -36,7 +36,6 @@ FIGURE = "leaderboard.png"
 REVERSAL = "reversal"  # the experiment that is not one of the paper's
 PLAIN, EVOLVED, POST_HOC = "plain", "evolved", "post_hoc"  # the kinds of methods
 KINDS = {PLAIN: "no plasticity", EVOLVED: "plasticity during evolution", POST_HOC: "added after evolution"}
-SEEN = {"rescue": "best", "rescue_new_kinds": "find_and_stay"}  # sweep: the first method made in its worlds
 _OF_ROW = ("experiment", "method", "kind", "knowledge_class", "knowledge", "matched_control")
 _AGAINST = [
     *("difference", "difference_low", "difference_high", "p"),
@@ -166,6 +165,19 @@ def _with_best_plain(board: pd.DataFrame, champions: pd.DataFrame) -> pd.DataFra
     return board.join(pd.DataFrame(found, index=board.index, columns=["best_plain", *_BEST_PLAIN]))
 
 
+def anytime(courses: pd.DataFrame) -> pd.DataFrame:
+    """The share of champions and worlds that are solved after a number of robot-steps of the evolution, of each method.
+
+    courses: a row for each champion and mark in its evolution, in order: robot_steps, trials, successes.
+    """
+    rows = []
+    for key, own in courses.groupby(["experiment", "method", "mark"], sort=False):
+        row: dict[str, Any] = dict(zip(("experiment", "method", "mark"), key, strict=True))
+        row["robot_steps"] = int(own.robot_steps.mean())
+        rows.append(row | {"champions": len(own), **_success_of(own, "success")})
+    return pd.DataFrame(rows)
+
+
 def _success_of(champions: pd.DataFrame, name: str) -> dict[str, float]:
     trials, successes = champions.trials.to_numpy(np.int64), champions.successes.to_numpy(np.int64)
     low, high = wilson_by_champion(successes, trials)
@@ -217,7 +229,7 @@ def readable(own: pd.DataFrame, worlds: pd.DataFrame, costs: pd.DataFrame | None
     if here.tests.nunique() > 1:
         summed = here.groupby(["method", "tests"], sort=False)[["trials", "successes"]].sum()
         shares = (summed.successes / summed.trials).unstack("tests")[here.tests.unique()]
-    apart = [f"in {code(name)}{f', seen by {code(SEEN[name])}' if name in SEEN else ''}" for name in shares]
+    apart = [f"in {code(name)}" for name in shares]
     headings = ["method", "kind", "learn" if learning else "solves both sides in training"]
     headings += ["rewarded share" if learning else "success over the test worlds", *apart]
     headings += ["interquartile mean", "of those that learn" if learning else "retention", "best champion"]
@@ -258,11 +270,13 @@ def markdown(
     methods: Mapping[str, str],
     tests: Mapping[str, Sequence[str]],
     provenance: str,
+    captions: Mapping[str, str],
 ) -> str:
     """The page.
 
     worlds: a row for each method and test world. costs: CPU seconds, a row for each method and experiment. methods:
     each with its description. tests: the test worlds of each experiment. provenance: lines on the origin of the data.
+    captions: of the figures, in order.
     """
     parts = ["# Leaderboard\n", f"{provenance}\n", _TERMS]
     for experiment, own in board.groupby("experiment", sort=False):
@@ -272,8 +286,8 @@ def markdown(
             where = f"Training world: {code(TRAINED[str(experiment)])}. {len(tested)} test worlds: {names}.\n"
         parts += [f"## {title(str(experiment))}\n", where, readable(own, worlds, costs).markdown()]
     parts += [
-        "## Figure\n",
-        *pictures({FIGURE: CAPTION}),
+        "## Figures\n",
+        *pictures(captions),
         "## Methods\n",
         Table(["method", "description"], [[code(name), text] for name, text in methods.items()]).markdown(),
     ]
@@ -290,11 +304,11 @@ The positive control: a task that cannot be solved without memory of the reward.
 
 - A *trial* is one of the many of a lifetime. It succeeds if the robot reaches the rewarded end. At a trial that is
   drawn, or never, the other end becomes the rewarded one.
-- All methods are evolved by the GA with `ga=reversal`, in one world. Only their rules differ. A method that differs
-  in training, optimizer or adaptation alone has no row.
+- All methods are evolved by the GA with `ga=reversal`, in one world. Only their rules or networks differ. A method
+  that differs in training, optimizer or adaptation alone has no row.
 - *Learn*: champions with a share of rewarded trials nearer to the optimum than to chance.
-- *Reward inverted*: the same champions on the same random numbers; the modulatory neuron receives the reward with the
-  opposite sign. A robot that learns from the reward now goes to the wrong end.
+- *Reward inverted*: the same champions on the same random numbers; the modulatory neuron, or a recurrent network,
+  receives the reward with the opposite sign. A robot that learns from the reward now goes to the wrong end.
 """
 _TERMS = """\
 - A *trial* is one champion, one side and one test world. It succeeds if more than half of its repeats do.
@@ -311,10 +325,9 @@ _TERMS = """\
   It is chosen by this number, which is therefore a little too high.
 - All p values of a table are corrected together (Holm).
 - *Interquartile mean*: of the champions without the best and the worst quarter.
-- *Knowledge*: what a method uses. Rows are ordered by class of knowledge: senses, live fitness, clock, goal signal,
-  sensor model; last the hand-written robot, whose network is never used. Compare a row with `stay`, which halts where
+- *Knowledge*: what a method uses. Rows are ordered by class of knowledge: senses, live fitness, clock, goal signal;
+  last the hand-written robot, whose network is never used. Compare a row with `stay`, which halts where
   it is given the goal signal, and with `hand_written`: that much comes of the knowledge alone.
-- *Seen by*: this method and later ones were made in these test worlds.
 - *Rule off*: the same champions on the same random numbers, without plasticity.
 - *Evolved parameters*, *robot-steps* and CPU seconds are of one champion, with the evolution of the champion that a
   method is added to. CPU seconds depend on the machine: they are on this page and in `cost.csv` alone. All other
@@ -322,8 +335,17 @@ _TERMS = """\
 - Intervals are 95 %, by champion; fewer than six have none. Those of shares are Wilson's with the design effect of
   champions, the others are from a bootstrap.
 """
-CAPTION = (
-    "Left: success over the test worlds, or share of rewarded trials, of each method, with its 95 % interval. Small "
-    "dots are single champions. A cross is the same with the rule off, a triangle with the reward inverted. Right: the "
-    "difference to the matched control."
-)
+CAPTIONS = {
+    FIGURE: (
+        "Left: success over the test worlds, or share of rewarded trials, of each method, with its 95 % interval. "
+        "Small dots are single champions. A cross is the same with the rule off, a triangle with the reward inverted. "
+        "Right: the difference to the matched control."
+    ),
+    "anytime.png": (
+        "Anytime curves: the success over the test worlds of the champions that a method has after so many robot-steps."
+    ),
+    "profiles.png": (
+        "Performance profiles: the share of champions whose success exceeds the value below. A line is a method; the "
+        "best of each kind has its name."
+    ),
+}

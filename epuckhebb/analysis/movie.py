@@ -13,6 +13,7 @@ from PIL import Image
 
 from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.analysis.figures import SIDE_COLOUR, controller_title, draw_maze, plain
+from epuckhebb.analysis.image import as_by_default
 from epuckhebb.analysis.moments import timed_change_text, with_gaps
 from epuckhebb.tmaze.robot import STEP_S
 from epuckhebb.tmaze.scenario import Scenario
@@ -22,6 +23,7 @@ _FRAME_S = 0.08  # GIF counts in hundredths of a second
 _PANEL, _LEAST_WIDTH, _DPI = 4.8, 6.4, 100  # inches, inches, pixels an inch
 
 
+@as_by_default()
 def gif(traces: Traces, scenario: Scenario, title: str) -> bytes:
     """An animated GIF that repeats."""
     buffer, frames = io.BytesIO(), _frames(traces, scenario, title)

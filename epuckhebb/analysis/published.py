@@ -13,6 +13,7 @@ from epuckhebb.tmaze.maze import SIDES
 
 CELL = ["scenario", "controller", "side"]
 _DECIMALS = {"success": 0, "time_to_goal_s": 2}
+_CLOSE = 0.05
 _DURATION_S = {"light": 200.0, "obstacles": 250.0}
 
 
@@ -61,6 +62,12 @@ def compare(published: pd.DataFrame, each: pd.DataFrame, showcase: Mapping[str, 
             | {"median": quartiles[1], "q25": quartiles[0], "q75": quartiles[2], "n": int(values.notna().sum())}
         )
     return pd.DataFrame(rows)
+
+
+def close(comparison: pd.DataFrame) -> str:
+    """How many of the paper's numbers, success apart, the showcase meets to 5 %, of how many."""
+    numbers = comparison[(comparison.metric != "success") & (comparison.published.fillna(0.0) != 0.0)]
+    return f"{int((numbers.relative_deviation.abs() <= _CLOSE).sum())} of {len(numbers)}"
 
 
 def _at_cell(table: pd.DataFrame, cell: "pd.Series[Any]") -> pd.DataFrame:

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from epuckhebb.analysis import findings, published, rescue
 from epuckhebb.analysis.evaluate import evaluate
 from epuckhebb.analysis.findings import PAPER_N, RULE
-from epuckhebb.analysis.tables import Table, code, pictures
+from epuckhebb.analysis.statistics import holm
+from epuckhebb.analysis.tables import NEW_LINE, Table, code, pictures, unmarked
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze.fitness import Signal
@@ -32,7 +33,8 @@ _SHOWCASE = (
 CLAIMS = f"Each claim is a question to every trial that could show it. {RULE}\n"
 RESCUE_TEXT = (
     f"{rescue.COUNTED} The difference is success with plasticity minus success without, over all trials. Its p is from "
-    "an exact sign-flip test by champion. The controls change the weights by as much, in other directions."
+    "an exact sign-flip test by champion; those of a table are corrected together (Holm). The controls change the "
+    "weights by as much, in other directions."
 )
 
 
@@ -73,8 +75,9 @@ def markdown(
             ]
             continue
         parts += [
-            f"Showcase: {code(shown)}, mean of its repeats. {_SHOWCASE} It agrees in {agreeing} of the {cells} cells "
-            f"of this experiment; {champions} champions were compared.\n",
+            f"Showcase: {code(shown)}, mean of its repeats. {_SHOWCASE} Success agrees in {agreeing} of the {cells} "
+            f"cells of this experiment; {champions} champions were compared. Of the other numbers of this table, "
+            f"{published.close(group)} lie within 5 % of the paper's.\n",
             ours,
             f"\nAll {champions} champions, median [quartiles]:\n",
             published.table(group, of_all=True).markdown(),
@@ -92,6 +95,17 @@ def markdown(
             rescue.retention_table(_at_paper_rates(tables["retention"]), by_experiment=True).markdown(),
         ]
     return "\n".join([*parts, "## Figures\n", *pictures(captions)])
+
+
+def terminal_tables(comparison: pd.DataFrame, paper: Mapping[str, Any]) -> list[Table]:
+    """Tables 1 to 3 with a row for each column of the paper's: the terminal has no room for these."""
+    shown = []
+    for name, group in comparison.groupby("table", sort=False):
+        table = published.table(group, of_all=False)
+        columns = zip(table.headings, *table.rows, strict=True)
+        (_, *metrics), *rows = ([unmarked(cell.replace(NEW_LINE, " ")) for cell in column] for column in columns)
+        shown.append(Table(["", *metrics], rows, f"{paper[str(name)]['title']}: ours (the paper's)"))
+    return shown
 
 
 def worlds(experiment: str) -> tuple[str, ...]:
@@ -198,13 +212,22 @@ def figures_of(
 
 
 def claims_table(claims: pd.DataFrame) -> Table:
-    """The claims with their verdicts, and which trials count."""
+    """The claims with their verdicts, the control beside each, and which trials count."""
     rows = [
-        [row.experiment, row.claim, f"**{row.verdict}**", f"{row.true} of {row.n}", _interval(row), row.counted]
+        [row.experiment, row.claim, f"**{row.verdict}**", f"{row.true} of {row.n}", *_of_claim(row), row.counted]
         for row in claims.itertuples()
     ]
-    head = ["experiment", "claim", "verdict", "true in", "share", "which trials: what counts"]
-    return Table(head, rows, "The paper's claims")
+    head = ["experiment", "claim", "verdict", "true in", "share, or effect (the paper's)", "with shuffled signs"]
+    return Table([*head, "which trials: what counts"], rows, "The paper's claims")
+
+
+def _of_claim(row: Any) -> list[str]:
+    """The number that decides, a share or an effect, and the same of the control."""
+    if np.isnan(row.paper_effect):
+        return [_interval(row), rescue.share(row.control_share, row.control_low, row.control_high)]
+    control = row.control_effect, row.control_effect_low, row.control_effect_high
+    own = rescue.percent(row.effect, row.effect_low, row.effect_high)
+    return [f"{own} ({rescue.percent(row.paper_effect)})", rescue.percent(*control)]
 
 
 def _at_paper_rates(table: pd.DataFrame) -> pd.DataFrame:
@@ -226,13 +249,14 @@ def success_table(success: pd.DataFrame, controllers: Collection[str] = (GA, *CO
 
 
 def rescue_table(harm: pd.DataFrame) -> Table:
-    """Rescue and harm at the paper's rates, controls included."""
+    """Rescue and harm at the paper's rates, controls included; the p values of the table are corrected together."""
+    shown = _at_paper_rates(harm)
     rows = [
         [row.scenario, rescue.label(row.controller, row.N), *rescue.counts(row), rescue.difference(row)]
-        + ["–" if np.isnan(row.sign_flip_p) else f"{row.sign_flip_p:.2g}"]
-        for row in _at_paper_rates(harm).itertuples()
+        + ["–" if np.isnan(p) else f"{p:.2g}"]
+        for row, p in zip(shown.itertuples(), holm(shown.sign_flip_p.tolist()), strict=True)
     ]
-    return Table(["scenario", "plasticity", rescue.RESCUED, rescue.HARMED, "difference", "p"], rows)
+    return Table(["scenario", "plasticity", rescue.RESCUED, rescue.HARMED, "difference", "p (Holm)"], rows)
 
 
 def _interval(row: Any) -> str:

@@ -99,6 +99,13 @@ def signed(value: float, low: float, high: float) -> str:
     return f"{value:+.2f}" if np.isnan(low) else f"{value:+.2f} [{low:+.2f}, {high:+.2f}]"
 
 
+def percent(value: float, low: float = np.nan, high: float = np.nan) -> str:
+    """A change in percent, and its interval if that is known."""
+    if np.isnan(value):
+        return "–"
+    return f"{value:+.1f} %" if np.isnan(low) else f"{value:+.1f} % [{low:+.1f}, {high:+.1f}]"
+
+
 def share(value: float, low: float = np.nan, high: float = np.nan) -> str:
     """A share and its interval, if they are known."""
     if np.isnan(value):

@@ -228,3 +228,8 @@ def improvement(ours: NDArray[np.float64], others: NDArray[np.float64]) -> NDArr
     """The probability that a champion of ours exceeds one of the others; a tie counts one half. Source: as above."""
     against = ours[..., :, None] - others[..., None, :]
     return np.asarray((np.sign(against) / 2 + 0.5).mean(axis=(-2, -1)))
+
+
+def performance_profile(values: NDArray[np.float64], thresholds: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The share of champions that exceed each threshold, (thresholds,). Source: as above."""
+    return np.asarray((values > thresholds[:, None]).mean(axis=-1))

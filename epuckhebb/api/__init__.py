@@ -18,7 +18,6 @@ from epuckhebb.analysis.lifetimes import Evaluated, gather
 from epuckhebb.api.results import Evaluation, Evolution, Live
 from epuckhebb.config import (
     EvaluateConfig,
-    check_config_dir,
     controller_of,
     load_any,
     network_for,
@@ -31,7 +30,7 @@ from epuckhebb.config import load as load_config
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.plasticity.rule import NoRule, Rule
 from epuckhebb.evolution.evolve import history_row
-from epuckhebb.runs import as_evolved, prepare_evaluation, prepare_evolution
+from epuckhebb.runs import as_evolved, compile_for, prepare_evaluation, prepare_evolution
 from epuckhebb.runtime import ConfigError, bar, be_quiet, say, thread_count
 from epuckhebb.store import Genome, checked_genes, load_genome, resolve_run
 
@@ -101,6 +100,7 @@ def evaluate(
             genes=array, name="genome", network=network, robot=robot.name, lights=robot.light.count, plan=plan
         )
     prepared = prepare_evaluation(config, loaded)
+    compile_for(config.controllers, prepared.genome.network, config.world)
     threads = thread_count(config.threads)
     rows, recorded = prepared.run(prepared.remember(threads), threads)
     return Evaluation(
@@ -127,6 +127,7 @@ def evolve(*overrides: str, config_dir: str | Path | None = None, progress: bool
     be_quiet(not progress)
     config = load_any("evolve", overrides_of(overrides, keys), _folder(config_dir))
     prepared = prepare_evolution(config)
+    prepared.compile()
     generations = list(prepared.generations(thread_count(config.threads)))
     return Evolution(generations[-1].champion, pd.DataFrame(map(history_row, generations)))
 
@@ -211,6 +212,4 @@ def _label(key: str, value: Any) -> Any:
 
 
 def _folder(config_dir: str | Path | None) -> str | None:
-    folder = None if config_dir is None else str(config_dir)
-    check_config_dir(folder)
-    return folder
+    return None if config_dir is None else str(config_dir)

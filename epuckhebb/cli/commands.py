@@ -1,7 +1,6 @@
 """Declares the commands of `epuckhebb`. Each imports what is heavy when it is called, so help comes at once."""
 
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -137,13 +136,11 @@ def play(
     """A live world in the browser, to disturb by hand."""
     import webbrowser
 
-    from epuckhebb.config import check_config_dir
     from epuckhebb.live.server import Play
     from epuckhebb.runs import as_evolved
     from epuckhebb.runtime import be_quiet, say
 
     be_quiet(quiet)
-    check_config_dir(config_dir)
     words = as_evolved(with_genomes_named(overrides), config_dir)
     with Play(words, side, config_dir, port) as live, suppress(KeyboardInterrupt):
         say("Ctrl-C ends it.")
@@ -197,10 +194,8 @@ def flock(
     options: StudyOptions,
 ) -> None:
     """Couplings between robots, and what they are good for."""
-    from epuckhebb.config import check_config_dir
     from epuckhebb.studies.flock import plan
 
-    check_config_dir(options.config_dir)
     run_study(plan(with_genomes_named(overrides), quick=quick, config_dir=options.config_dir), options)
 
 
@@ -214,13 +209,11 @@ def sweep(
     options: StudyOptions,
 ) -> None:
     """A named sweep or your own study; again, it does the rest."""
-    from epuckhebb.config import check_config_dir
     from epuckhebb.runs import as_evolved
     from epuckhebb.studies.study import plan_own
     from epuckhebb.studies.sweep import plan
 
     config_dir, words = options.config_dir, with_genomes_named(overrides)
-    check_config_dir(config_dir)
     planned = plan_own(name, words) if ".py:" in name else plan(name, as_evolved(words, config_dir), config_dir)
     run_study(planned, options, dry_run=dry_run)
 
@@ -293,8 +286,8 @@ def rerun(run: Run, *, options: Output) -> None:
     run = resolve_run(run, "evaluate", "evolve")
     new, difference = repeat(run)
     result = {"command": "rerun", "run": str(run), "new": str(new), "difference": difference}
-    output = replace(options, quiet=options.quiet or bool(difference))
-    output.print(lambda: result, lambda console: print_line(console, f"bit-identical: {new}"))
+    if options.as_json or not difference:
+        options.print(lambda: result, lambda console: print_line(console, f"bit-identical: {new}"))
     if difference:
         print_error(f"{new}: {difference}")
         raise typer.Exit(JOB_FAILED)

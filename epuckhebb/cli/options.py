@@ -3,10 +3,12 @@
 import functools
 import inspect
 import re
+import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from contextlib import nullcontext, redirect_stdout
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TextIO
 
 import typer
 from rich.console import Console
@@ -87,17 +89,19 @@ Open = Annotated[bool, typer.Option("--open", help="Write the replay, and open i
 
 @dataclass(frozen=True, kw_only=True)
 class Output:
-    """How a command prints its result."""
+    """How a command prints its result, and where: on what is standard output when the command begins."""
 
     quiet: Quiet = False
     as_json: Json = False
+    stream: TextIO = field(default_factory=lambda: sys.stdout, init=False)
 
     def print(self, values: Callable[[], Any], print_text: Callable[[Console], None]) -> None:
         """Print a result: as JSON, as text, or not at all."""
-        if self.as_json:
-            typer.echo(json_text(values()))
-        elif not self.quiet:
-            print_text(Terminal())
+        with redirect_stdout(self.stream):
+            if self.as_json:
+                typer.echo(json_text(values()))
+            elif not self.quiet:
+                print_text(Terminal())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,7 +130,8 @@ def takes_options(command: Callable[..., None]) -> Callable[..., None]:
     def called(**values: Any) -> None:
         options = kind(**{one.name: values.pop(one.name) for one in shared})
         be_quiet(options.quiet)
-        command(**values, options=options)
+        with nullcontext() if getattr(options, "cfg", None) else redirect_stdout(sys.stderr):  # what own parts print
+            command(**values, options=options)
 
     vars(called)["__signature__"] = signature.replace(parameters=parameters)
     called.__annotations__ = {one.name: one.annotation for one in parameters}

@@ -11,11 +11,12 @@ from epuckhebb.analysis import tables
 from epuckhebb.cli import results
 from epuckhebb.cli.console import print_line, print_table
 from epuckhebb.runtime import ConfigError
-from epuckhebb.store import Genome, Run, below_runs, is_bundled, load_genome, of_multirun, resolve_run
+from epuckhebb.store import Genome, Run, below_runs, is_bundled, is_of_future, load_genome, of_multirun, resolve_run
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.scenario import EXPERIMENTS
 
 _LATEST = 10  # runs that are listed when none is named
+_OF_FUTURE = ", in the future by a wrong clock: it is not taken for the latest run"
 
 
 def print_finished(finished: list[Path], console: Console) -> None:
@@ -104,6 +105,8 @@ def _in_short(path: Path) -> str:
     """The state of a run, and its result in a few words."""
     run = Run(path)
     status = run.status
+    if is_of_future(status):
+        return f"{status['state']}{_OF_FUTURE}"
     if status["state"] != "finished":
         return ": ".join(filter(None, (status["state"], status.get("error", ""))))
     if run.has("history.csv"):
@@ -131,7 +134,9 @@ def _print_run(path: Path, console: Console) -> None:
         "Command": " ".join(run["command_line"]),
         "Settings": " ".join(run["overrides"]) or "as by default",
         "State": status["state"] + (f": {status['error']}" if status.get("error") else ""),
-        "Time": f"{status['started']} – {status.get('finished', '')}" if "started" in status else "",
+        "Time": f"{status['started']} – {status.get('finished', '')}" + _OF_FUTURE * is_of_future(status)
+        if "started" in status
+        else "",
         "Program": f"epuckhebb {code['version']}{commit}; packages and machine: provenance.json",
         "Genome": f"{run['genome']} (SHA-256 {run['genome_sha256']})" if "genome" in run else "",
         "Files": ", ".join(sorted(f"{entry.name}/" if entry.is_dir() else entry.name for entry in path.iterdir())),

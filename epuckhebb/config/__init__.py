@@ -17,9 +17,9 @@ from epuckhebb.config.compose import configurations, load, load_any, swept_value
 from epuckhebb.config.environments import EnvironmentConfig, EvaluateEnvironment, EvolveEnvironment, environment_of_run
 from epuckhebb.config.errors import explain
 from epuckhebb.config.overrides import (
+    RUN_DIR,
     SWEEP_DIR,
     alternatives,
-    check_config_dir,
     check_words,
     configuration_of,
     overrides_of,

@@ -88,6 +88,8 @@ def choices_of(runtime: Any) -> dict[str, str]:
 @contextmanager
 def catalogue(command: str, config_dir: str | None) -> Iterator[None]:
     """Time in which Hydra knows the schema of a command, the rows of tables, and the user's folder."""
+    if config_dir is not None and not Path(config_dir).is_dir():
+        raise ConfigError(f"--config-dir={config_dir} is no folder; give one with files such as scenario/mine.yaml")
     before = _SearchPath.folder
     composing = GlobalHydra.instance().hydra  # of a caller who composes with Hydra, or of the job at work
     _SearchPath.folder = None if config_dir is None else Path(config_dir).absolute()

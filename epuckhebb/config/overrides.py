@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import ChoiceSweep, Glob, Override, Sweep
+from hydra.core.override_parser.types import ChoiceSweep, Glob, IntervalSweep, Override, Sweep
 from hydra.errors import HydraException
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -23,7 +23,8 @@ from epuckhebb.config.schema import OPEN, SCHEMAS
 from epuckhebb.controller.own_class import OwnClass
 from epuckhebb.runtime import ConfigError, conf, data_folder, did_you_mean
 
-SWEEP_DIR = "hydra.sweep.dir="
+RUN_DIR, SWEEP_DIR = "hydra.run.dir=", "hydra.sweep.dir="
+_FORCED_DIR = re.compile(rf"^\+\+(?={RUN_DIR}|{SWEEP_DIR})")
 _PLAIN = re.compile(r"[A-Za-z0-9_./:%@+-]+")  # what needs no quotes as the value of an override
 _BELOW = tuple(f"{key}." for key in OPEN)  # the schema does not know what keys there are
 OF_ENVIRONMENT = "_environment"  # ends the names of the configurations that are not of the maze
@@ -55,6 +56,7 @@ def readable(words: Iterable[Any]) -> list[str]:
 
 
 def _readable(word: str) -> str:
+    word = _FORCED_DIR.sub("", word)
     key, _, value = word.partition("=")
     if not value or word.startswith("-") or value[0] in "[{'\"":
         return word
@@ -72,13 +74,15 @@ def check_words(command: str, words: Sequence[str], *, several: bool = False) ->
         key, line = override.key_or_group, str(override.input_line)
         if key == "changed":
             raise ConfigError("changed is filled in by the program, with what differs from the named scenario")
+        value = override.value()
+        if isinstance(value, IntervalSweep):
+            raise ConfigError(f"{line} needs a sweeper that draws values, and the jobs here are listed; give a range")
         if override.is_sweep_override() and not several:
             raise ConfigError(f"{line} has several values; to do a run with each of them, add -m (--multirun)")
-        value = override.value()
         if isinstance(value, Glob) or (
             isinstance(value, ChoiceSweep) and any(isinstance(one, Sweep | Glob) for one in value.list)
         ):
-            raise ConfigError(f"{line}: ranges and patterns do not go into a list of values; give one range, or values")
+            raise ConfigError(f"{line}: patterns, and ranges in a list, are not read; give the values, or one range")
         if override.is_add() and key in choices:
             raise ConfigError(f"{line}: a choice of {key} is written without +")
         if key not in known and key not in choices and not key.startswith(("hydra.", "hydra/", *_BELOW)):
@@ -134,7 +138,7 @@ def alternatives(overrides: list[str]) -> dict[str, list[str]]:
     """For each key the overrides that it is to have in turn; a key that comes again replaces the earlier one."""
 
     def choices(override: Override) -> list[str]:
-        if not override.is_discrete_sweep():  # or only its sweeper knows what it stands for
+        if not override.is_discrete_sweep():
             return [override.input_line or ""]
         values = itertools.islice(override.sweep_string_iterator(), _MOST_JOBS + 1)  # a range may be endless
         return [f"{override.get_key_element()}={value}" for value in values]
@@ -158,7 +162,7 @@ def configuration_of(command: str, words: Sequence[str]) -> str:
 
 
 def _experiment_has_one(words: Sequence[str]) -> bool:
-    names = [word.partition("=")[2] for word in words if word.startswith("experiment=")]
+    names = [value_of(word) for word in words if word.startswith("experiment=")]
     file = data_folder("conf") / "experiment" / f"{names[-1]}.yaml" if names else Path()
     return file.is_file() and "override /environment:" in file.read_text(encoding="utf-8")
 
@@ -183,12 +187,6 @@ def with_names_compared(argument: str) -> str:
     if not isinstance(names, list):
         return argument
     return f"compare={{{','.join(f'{quoted(str(name))}: null' for name in names)}}}"
-
-
-def check_config_dir(config_dir: str | None) -> None:
-    """Refuse a folder of configuration files that is not there."""
-    if config_dir is not None and not Path(config_dir).is_dir():
-        raise ConfigError(f"--config-dir={config_dir} is no folder; give one with files such as scenario/mine.yaml")
 
 
 def overrides_of(overrides: Sequence[Any], keys: Mapping[str, Any]) -> list[str]:

@@ -6,7 +6,7 @@ import math
 import pkgutil
 import traceback
 from collections import namedtuple
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields
 from enum import Enum
@@ -15,12 +15,17 @@ from types import ModuleType
 from typing import Any, ClassVar, cast
 
 import numpy as np
+from numba import types
+from numba.core.errors import TypingError
+from numba.extending import overload
 from numpy.typing import NDArray
 
-from epuckhebb.controller.compiling.kernel import compiled, in_module
+from epuckhebb.controller.compiling.errors import MUST_GIVE_A_NUMBER
+from epuckhebb.controller.compiling.kernel import BUILDING_BLOCK, compiled, compiled_whole, in_module
 from epuckhebb.controller.ranges import check
 
 _OURS = Path(__file__).parents[1]
+_overload: Any = overload  # it has no type for options of compilers
 namedtuple_of: Any = namedtuple  # mypy wants the names of the fields written out
 
 
@@ -142,6 +147,29 @@ def stored(initial: Mapping[str, float], count: int) -> NDArray[np.void]:
     return np.full(count, np.array(values, [(name, np.float64) for name in names]))
 
 
+def number(value: float) -> float:
+    """What a method of a user's gives, as a number; True counts as 1."""
+    return float(value)
+
+
+def _truth(value: Any) -> float:
+    return 1.0 if value else 0.0
+
+
+def _float(value: Any) -> float:
+    return float(value)
+
+
+def _number(value: Any) -> Callable[[Any], float]:
+    if isinstance(value, types.Boolean | types.Integer | types.Float):
+        return _truth if isinstance(value, types.Boolean) else _float
+    given = "nothing, at least sometimes" if isinstance(value, types.NoneType | types.Optional) else value.name
+    raise TypingError(f"{MUST_GIVE_A_NUMBER}, it gives {given}")
+
+
+_overload(number, jit_options=BUILDING_BLOCK)(_number)
+
+
 def call_of(function: Any, names: Collection[str], how: Mapping[str, str], given: str, **parts: Any) -> Any:
     """A building block with the arguments `given`, which calls a static method of a user's.
 
@@ -149,7 +177,7 @@ def call_of(function: Any, names: Collection[str], how: Mapping[str, str], given
     arguments. how: how to make each of them. parts: other names in `how`.
     """
     call = f"lambda {given}: function({', '.join(how[name] for name in names)})"
-    return compiled(eval(call, {"function": compiled(in_module(function, __name__)), "math": math, **parts}))
+    return compiled(eval(call, {"function": compiled_whole(in_module(function, __name__)), "math": math, **parts}))
 
 
 def number_of(
@@ -157,4 +185,4 @@ def number_of(
 ) -> Any:
     """The same for a method that gives a number; its `by` is made of the settings. numbers: where these are."""
     parts = {"call": call_of(function, names, how, f"{given}, by"), "By": namedtuple_of("By", kind.settings())}
-    return compiled(eval(f"lambda {given}: float(call({given}, By(*{numbers})))", parts))
+    return compiled(eval(f"lambda {given}: number(call({given}, By(*{numbers})))", {**parts, "number": number}))

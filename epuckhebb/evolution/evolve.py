@@ -117,12 +117,10 @@ def search_generations(
     """The same with lifetimes in any world. evaluator: runs them."""
     learns = not isinstance(rule, NoRule)
     plan = evolved_plan(network, rule, given=given is not None)
-    if given is None and rule.initial_weights is InitialWeights.random:
-        given = np.zeros(network.synapses)
     search = Search(optimizer, plan, seed, () if after is None else after.log)
 
-    def whole(genes: Floats) -> Floats:  # evolved and given parts
-        return genes if given is None else np.hstack([np.tile(given, (len(genes), 1)), genes])
+    def whole(genes: Floats) -> Floats:
+        return with_given(genes, network, rule, given)
 
     for number in range(0 if after is None else after.number + 1, generations):
         began = time.perf_counter()
@@ -152,6 +150,15 @@ def search_generations(
             robot_steps=robot_steps,
             seconds=time.perf_counter() - began,
         )
+
+
+def with_given(evolved: Floats, network: Network, rule: Rule, given: Floats | None) -> Floats:
+    """Genomes of their evolved parts, (genomes, genes), and of the weights that are given, or begin at random."""
+    if given is None:
+        if rule.initial_weights is not InitialWeights.random:
+            return evolved
+        given = np.zeros(network.synapses)
+    return np.hstack([np.tile(given, (len(evolved), 1)), evolved])
 
 
 def evolved_plan(network: Network, rule: Rule, *, given: bool = False) -> GenomePlan:

@@ -4,3 +4,12 @@ It reads run folders, and changes no result in them.
 Others may import `figure`, `replay` and `webots`.
 What cannot be read, exported or written raises `ConfigError`.
 """
+
+FIGURES = {  # of a run, and the file that each needs
+    "trajectories": "traces.npz",
+    "maze": "traces.npz",
+    "network": "traces.npz",
+    "reversal": "reversal.csv",
+    "learning": "history.csv",
+    "lifetime": "lifetime.csv",
+}

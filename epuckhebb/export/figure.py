@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 from epuckhebb.analysis import charts
 from epuckhebb.analysis.figures import maze, trajectories
 from epuckhebb.analysis.image import KINDS, image
+from epuckhebb.export import FIGURES
 from epuckhebb.export.replay import recording
 from epuckhebb.runs import config_of, figures
 from epuckhebb.runtime import ConfigError
@@ -14,15 +15,6 @@ from epuckhebb.store import Run, load_genome, of_multirun, write_atomic
 from epuckhebb.studies import sweep
 from epuckhebb.studies.study import study_named
 from epuckhebb.tmaze.individual import GA
-
-_FILES = {  # of a run, which the figures need
-    "trajectories": "traces.npz",
-    "maze": "traces.npz",
-    "network": "traces.npz",
-    "reversal": "reversal.csv",
-    "learning": "history.csv",
-    "lifetime": "lifetime.csv",
-}
 
 
 def _of_run(run: Run, name: str) -> Figure:
@@ -49,7 +41,7 @@ def _of_run(run: Run, name: str) -> Figure:
 def names(path: Path) -> list[str]:
     """The figures that a run has."""
     run = Run(path)
-    known = [name for name, file in _FILES.items() if run.has(file)]
+    known = [name for name, file in FIGURES.items() if run.has(file)]
     known = known or sorted(file.stem for file in (path / "figures").glob("*.png"))
     if not known:
         raise ConfigError(f"{path} has no figures; give a finished run, for example one below runs/evaluate/")
@@ -66,7 +58,7 @@ def draw(path: Path, name: str, kind: str, width_mm: float | None, output: Path 
     run, known = Run(path), names(path)
     if name not in known:
         raise ConfigError(f"{path} has the figures {', '.join(known)}; got {name}")
-    if name in _FILES and run.has(_FILES[name]):
+    if name in FIGURES and run.has(FIGURES[name]):
         drawn = _of_run(run, name)
     elif of_multirun(path):
         drawn = sweep.figures(run)[name]

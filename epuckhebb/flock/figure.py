@@ -11,6 +11,7 @@ from matplotlib.patches import FancyArrowPatch
 from numpy.typing import NDArray
 
 from epuckhebb.analysis.figures import tidy
+from epuckhebb.analysis.image import as_by_default
 from epuckhebb.flock.tables import CONDITION, WHAT_BREAKS, title_of
 
 _COLOURS = {  # Okabe and Ito's; the control of a coupling is dashed
@@ -26,6 +27,7 @@ def _look(coupling: str) -> dict[str, str]:
     return {"color": _COLOURS.get(name, _OWN), "linestyle": "--" if control else "-"}
 
 
+@as_by_default()
 def curves(table: pd.DataFrame, at_s: float, runs: int) -> Figure:
     """Mean cosine of heading to the goal by minute, a panel for each kind of break."""
     figure = Figure(figsize=(11, 4.4), layout="constrained")
@@ -47,6 +49,7 @@ def curves(table: pd.DataFrame, at_s: float, runs: int) -> Figure:
     return figure
 
 
+@as_by_default()
 def couplings(
     shown: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]], broken: int, knowers: int
 ) -> Figure:
@@ -85,6 +88,7 @@ def _network(axes: Axes, weights: NDArray[np.float64], broken: int, knowers: int
     axes.axis("off")
 
 
+@as_by_default()
 def sweep(table: pd.DataFrame) -> Figure:
     """The cosine long after the break in every condition, a panel for each kind of break."""
     kinds = list(dict.fromkeys(table.breaks))

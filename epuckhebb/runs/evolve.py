@@ -6,7 +6,7 @@ be killed between any two files: resumed, it ends bit-identical.
 
 import functools
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -31,8 +31,8 @@ from epuckhebb.controller.genome import GenomePlan, plan_of
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import PartError, name_of
 from epuckhebb.controller.plasticity.rule import NoRule
-from epuckhebb.evolution.evolve import Generation, evolve
-from epuckhebb.evolution.search import Search, check_start
+from epuckhebb.evolution.evolve import Generation, evolve, with_given
+from epuckhebb.evolution.search import Results, Search, check_start
 from epuckhebb.runs import hydra
 from epuckhebb.runs.evaluate import check_genome, compile_for
 from epuckhebb.runtime import ConfigError, bar, path_of, say, thread_count
@@ -99,6 +99,14 @@ class PreparedEvolution:
             given=self.given,
         )
         yield from shown_in_bar(found, config.schedule.generations, after, quiet=quiet)
+
+    def fittest(self, log: Sequence[Results], number: int) -> NDArray[np.float64]:
+        """The fittest genome of a generation that has ended: the optimizer asks for it again, without a lifetime."""
+        config = self.config
+        asked = Search(config.algorithm, config.plan, config.seed, log[:number]).ask()
+        fittest = asked[[np.argmax(log[number].fitness)]]
+        fittest = with_given(fittest, self.network, config.controller.rule, self.given)
+        return np.ravel(fittest)
 
     def network_genes(self, champion: NDArray[np.float64]) -> NDArray[np.float64]:
         """The genes of a champion that are its network, without those of a rule."""
@@ -221,6 +229,20 @@ def _write_generation(run: RunFolder, state: Checkpoint, prepared: PreparedEvolu
     """Bring the other files of an evolution to the state of its checkpoint; the history last, which says so."""
     run.write(CHAMPION, prepared.champion(state.generation))
     run.write("history.csv", state.history)
+
+
+def earlier_champions(path: Path, shares: Sequence[float]) -> Iterator[tuple[int, NDArray[np.float64]]]:
+    """The champions of a whole evolution after shares of its generations, each with the robot-steps until then."""
+    config = from_values(settings(path / CONFIG), EvolveConfig, str(path / CONFIG))
+    prepared, run = prepare_evolution(config), Run(path)
+    last = Checkpoint.read(
+        path, lambda log: Search(config.algorithm, config.plan, config.seed, log), _digest(path, config)
+    )
+    assert last is not None  # it is whole
+    steps = run.table("history.csv").robot_steps.cumsum()
+    for share in shares:
+        number = max(1, round(share * len(steps))) - 1
+        yield int(steps[number]), prepared.fittest(last.generation.log, number)
 
 
 def resume(arguments: list[str]) -> Path:

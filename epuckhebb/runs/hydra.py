@@ -18,6 +18,7 @@ from omegaconf import DictConfig, OmegaConf, flag_override
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config import (
+    RUN_DIR,
     SCHEMAS,
     SWEEP_DIR,
     alternatives,
@@ -39,7 +40,6 @@ from epuckhebb.runtime import ConfigError, JobFailedError, data_folder, exit_wit
 from epuckhebb.store import check_folder_of_multirun, of_multirun
 
 _CHECKED_IN_FULL = 20  # a longer list of values is checked at its two ends
-_RUN_DIR = "hydra.run.dir"
 _FULL_ERROR = "HYDRA_FULL_ERROR"  # environment variable
 
 
@@ -105,6 +105,8 @@ def run(command: str, job: Callable[[Job], None], arguments: list[str], config_d
     if "--multirun" not in arguments:
         call(name, task, arguments, config_dir)
         return []
+    if useless := [argument for argument in arguments if argument.startswith(RUN_DIR)]:
+        raise ConfigError(f"{useless[-1]} does nothing in a multirun; give {SWEEP_DIR}FOLDER")
     given = [value_of(argument) for argument in arguments if argument.startswith(SWEEP_DIR)]
     folder = Path(given[-1]) if given else Path("runs") / command / f"{new_stamp()}_multirun"
     check_folder_of_multirun(folder)
@@ -115,8 +117,9 @@ def run(command: str, job: Callable[[Job], None], arguments: list[str], config_d
 def _run_one(command: str, job: Callable[[Job], None], overrides: list[str], config_dir: str | None) -> Path:
     """Run one job in this process; its folder is named when its configuration is complete."""
     for override in overrides:
-        if override.startswith(("hydra.", "hydra/")) and not override.startswith((f"{_RUN_DIR}=", "hydra.searchpath=")):
-            raise ConfigError(f"{override} does nothing in one run; give {_RUN_DIR}=FOLDER, or -m for many runs")
+        is_hydras = override.lstrip("+~").startswith(("hydra.", "hydra/"))
+        if is_hydras and not override.startswith((RUN_DIR, "hydra.searchpath=")):
+            raise ConfigError(f"{override} does nothing in one run; give {RUN_DIR}FOLDER, or -m for many runs")
     name = configuration_of(command, overrides)
     cfg, hydras, _ = composed_with_hydra(name, overrides, config_dir)
     config = typed(cfg, SCHEMAS[name])
@@ -252,6 +255,7 @@ def _begin(parent: int, folder: str) -> None:
     go on only if what they began with is the same; in another folder, their results would be there.
     """
     os.chdir(folder)
+    sys.stdout = sys.stderr  # what a user's own part prints, as in the parent
     exit_with_parent(parent)
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from epuckhebb.config import Plain, quoted
+from epuckhebb.config import RUN_DIR, SWEEP_DIR, Plain, quoted
 from epuckhebb.runs import hydra
 from epuckhebb.runtime import ConfigError, JobFailedError, counting
 from epuckhebb.store import SCHEMA, UNFINISHED, Run, RunFolder, as_json, set_aside, write_atomic
@@ -72,10 +72,8 @@ def split(command: str, arguments: Sequence[str]) -> tuple[list[str], list[str]]
     """The arguments of the study, and those of Hydra; a sweeper is refused."""
     hydras = [argument for argument in arguments if argument.lstrip("+~").startswith(("hydra.", "hydra/"))]
     for argument in hydras:
-        if argument.startswith(("hydra/sweeper", "hydra.sweeper", "hydra.sweep.subdir")):
-            raise ConfigError(
-                f"{argument}: `{command}` lists its jobs itself, and another sweeper has no use there; leave it out"
-            )
+        if argument.lstrip("+~").startswith(("hydra/sweeper", "hydra.sweeper", "hydra.sweep.subdir", RUN_DIR)):
+            raise ConfigError(f"{argument} does nothing here: `{command}` lists its jobs itself, in {SWEEP_DIR}FOLDER")
     return [argument for argument in arguments if argument not in hydras], hydras
 
 
@@ -105,7 +103,7 @@ def launch(study: RunFolder, name: str, jobs: Sequence[Job], launcher: list[str]
                 arguments = [
                     f"job={','.join(job.run for job in some)}",
                     *launcher,
-                    f"hydra.sweep.dir={quoted(str(folder.absolute()))}",  # a worker may have been started elsewhere
+                    f"{SWEEP_DIR}{quoted(str(folder.absolute()))}",  # a worker may have been started elsewhere
                     f'hydra.sweep.subdir="{UNFINISHED}/{stamp}_${{hydra.job.num}}"',
                     "--multirun",
                 ]

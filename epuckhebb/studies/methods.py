@@ -14,7 +14,8 @@ from epuckhebb.runtime import ConfigError, conf, did_you_mean, path_of
 
 ALL = "all"
 REVERSAL_TASK, REVERSAL_GA = {"task": "reversal"}, {"ga": "reversal"}  # of a lifetime; of its evolution
-_PLAIN = "ga"  # its champions get rules that evolve nothing; in reversal learning it is compared with all rules
+_MEMORY = ("hebbian", "network")  # groups of settings: what can remember from trial to trial
+_PLAIN = "ga"  # its champions get rules that evolve nothing; in reversal learning all methods are compared with it
 _KINDS = (
     "it needs either evolve, how its champions are evolved, and with plasticity a matched_control; or champions_of, "
     "the method whose champions it takes, and either evaluate, what is added to them, or evolve, of a rule for them"
@@ -89,24 +90,23 @@ def methods_named(names: Sequence[str], config_dir: str | None = None) -> list[M
 
 
 def in_reversal(methods: Sequence[Method]) -> list[Method]:
-    """These methods in reversal learning: their rules, evolved by the GA in its one world or added to its champions.
+    """These methods in reversal learning: their rule or network, evolved by the GA in its one world, or a rule added.
 
-    Methods with the same rule are one here. Those without a rule, with an adaptation or with another network are left
-    out.
+    Methods with the same are one here. Those with neither, and those with an adaptation, are left out.
     """
     (plain,) = methods_named([_PLAIN])
     found = [replace(plain, evolve={**REVERSAL_TASK, **REVERSAL_GA})]
-    rules: list[tuple[object, ...]] = []
+    parts: list[tuple[object, ...]] = []
     for method in methods:
         settings = method.evolve or method.evaluate
-        rule = {key: value for key, value in settings.items() if key.partition(".")[0] == "hebbian"}
-        of_rule = bool(method.evolve), bool(method.champions_of), rule
-        others = {key.partition(".")[0] for key in settings} - {"hebbian", "optimizer", "ga", "training"}
-        if rule and not others and of_rule not in rules:
-            rules.append(of_rule)
+        own = {key: value for key, value in settings.items() if key.partition(".")[0] in _MEMORY}
+        part = bool(method.evolve), bool(method.champions_of), own
+        others = {key.partition(".")[0] for key in settings} - {*_MEMORY, "optimizer", "ga", "training"}
+        if own and not others and part not in parts:
+            parts.append(part)
             compared = {"champions_of": _PLAIN} if method.champions_of else {"matched_control": _PLAIN}
-            evolve = {**REVERSAL_TASK, **REVERSAL_GA, **rule} if method.evolve else {}
-            evaluate = {} if method.evolve else {**REVERSAL_TASK, **rule}
+            evolve = {**REVERSAL_TASK, **REVERSAL_GA, **own} if method.evolve else {}
+            evaluate = {} if method.evolve else {**REVERSAL_TASK, **own}
             named = {"name": method.name, "description": method.description}
             found.append(Method(evolve=evolve, evaluate=evaluate, **compared, **named))
     return found

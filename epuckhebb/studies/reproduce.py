@@ -179,7 +179,8 @@ class Reproduction(ChampionStudy):
     @classmethod
     def shown(cls, run: Run) -> list[Table]:
         """See `Study`."""
-        return [reproduction.claims_table(run.table("claims.csv")).only(0, 1, 2, 3, text=3)]
+        claims = reproduction.claims_table(run.table("claims.csv")).only(0, 1, 2, 3, text=3)
+        return [claims, *reproduction.terminal_tables(run.table("comparison.csv"), _paper())]
 
 
 def plan(experiment: str, arguments: list[str], *, quick: bool = False) -> Planned:

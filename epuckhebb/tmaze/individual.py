@@ -19,9 +19,8 @@ from epuckhebb.tmaze.robot import Robot
 if TYPE_CHECKING:
     from epuckhebb.tmaze.scenario import Scenario
 
-# Classes of knowledge, from less to more that is given; the last one is a robot without a network. No method has a
-# sensor model any more; tables that were made before name it.
-CLASSES = ("senses", "live fitness", "clock", "goal signal", "sensor model", "hand-written robot")
+# Classes of knowledge, from less to more that is given; the last one is a robot without a network.
+CLASSES = ("senses", "live fitness", "clock", "goal signal", "hand-written robot")
 GA, HEBBIAN = "GA", "Hebbian"  # in the paper's words
 CONTROLS = {Sign.hebbian: HEBBIAN, Sign.anti: "anti-Hebbian", Sign.shuffled: "shuffled signs"}
 

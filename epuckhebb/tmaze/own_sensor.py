@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled, nothing
-from epuckhebb.controller.own_class import OwnClass, call_of, namedtuple_of
+from epuckhebb.controller.own_class import OwnClass, call_of, namedtuple_of, number
 from epuckhebb.controller.ranges import within
 from epuckhebb.tmaze.sensors import Kernels, SensorGroup, Surroundings
 
@@ -74,12 +74,13 @@ class Sensor(SensorGroup, OwnClass):
 
         parts = {"values": call_of(type(self).read, self.arguments("read"), _OF_READ, "around", by=by)}
         # The calls are written out, because the values of a tuple may be of several types.
-        value = "float(values{})" if self.count == 1 else "float(values[{}])"
+        value = "number(values{})" if self.count == 1 else "number(values[{}])"
         puts = ", ".join(
             f"put({k}, {value.format('' if self.count == 1 else k)}, around, scratch, readings)"
             for k in range(self.count)
         )
-        parts["put_all"] = compiled(eval(f"lambda values, around, scratch, readings: ({puts},)", {"put": put}))
+        own = {"put": put, "number": number}
+        parts["put_all"] = compiled(eval(f"lambda values, around, scratch, readings: ({puts},)", own))
         call = "lambda around, rays, scratch, readings: put_all(values(around), around, scratch, readings)"
         return Kernels(compiled(eval(call, parts)), nothing)
 

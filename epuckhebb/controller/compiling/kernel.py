@@ -36,6 +36,7 @@ if _settings.DISABLE_JIT:
     )
 BUILDING_BLOCK: dict[str, Any] = {"forceinline": True, "pipeline_class": InlinedCompiler, **_OPTIONS}
 _building_block: Any = register_jitable(**BUILDING_BLOCK)
+_whole: Any = register_jitable(forceinline=True, **_OPTIONS)
 _njit: Any = numba.njit
 
 
@@ -45,6 +46,11 @@ def compiled(function: Function) -> Function:
     Forced inlining avoids calls with dozens of arguments (an array is seven) and lets constants reach the loops.
     """
     return cast(Function, _building_block(function))
+
+
+def compiled_whole(function: Function) -> Function:
+    """The same for a function of the user's, by numba's own steps: without them, a `print` in it would never return."""
+    return cast(Function, _whole(function))
 
 
 # Parts that do nothing, whatever they are given.

@@ -21,7 +21,7 @@ from epuckhebb.controller.compiling.kernel import compiled, in_turn, nothing, on
 from epuckhebb.controller.compiling.simd import WIDTH, alike, read, times, write
 from epuckhebb.controller.forward_pass import MOST_BLOCKS
 from epuckhebb.controller.network import Network, by_layer, tanh
-from epuckhebb.controller.own_class import call_of, namedtuple_of
+from epuckhebb.controller.own_class import call_of, namedtuple_of, number
 from epuckhebb.controller.plasticity.rule import (
     EVERY_STEP,
     Normalise,
@@ -247,7 +247,8 @@ def update_of(rule: type[Rule], network: Network, schedule: Schedule = EVERY_STE
         **{name: f"alike[{row}]" if alike else f"genotype.coefficients[{row}, k]" for row, name in enumerate(evolved)},
     }
     given = "k, weights, synapse_state, genotype, alike, now, room, by"
-    direction = call_of(rule.synapse, names, how, given)
+    call = call_of(rule.synapse, names, how, given)
+    direction = compiled(eval(f"lambda {given}: number(call({given}))", {"number": number, "call": call}))
     # Coefficients that all synapses share are read once.
     read = "".join(f"coefficients[{row}, 0], " for row in range(len(evolved))) if alike and evolved else "0.0,"
     read_alike = compiled(eval(f"lambda coefficients: ({read})"))

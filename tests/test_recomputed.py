@@ -1,0 +1,183 @@
+"""Numbers of runs/reference/ again, from its CSV files alone: by SciPy and by hand, with no function of the program."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+REFERENCE = Path(__file__).parents[1] / "runs" / "reference"
+TRAINED, RATE = {"light": "highlight", "obstacles": "base"}, {"light": 0.002, "obstacles": 0.000015}
+CHANCE = np.random.default_rng(1)
+UNKNOWN = (math.nan, math.nan)
+
+
+def read(name):
+    return pd.read_csv(REFERENCE / f"{name}.csv")
+
+
+def interval(part, whole):
+    """Wilson's interval of champions, as docs/methods.md has it: part, whole: a number of trials for each."""
+    part, whole = np.array(part, float), np.array(whole, float)
+    part, whole = part[whole > 0], whole[whole > 0]
+    if len(whole) < 6:
+        return UNKNOWN
+    size, share = whole.mean(), (part.sum() + whole.mean() / 2) / (whole.sum() + whole.mean())
+    residuals = [*(part - share * whole), share * size / math.sqrt(2), (1 - share) * size / math.sqrt(2)]
+    variance = (len(whole) + 1) / len(whole) * np.square(residuals).sum() / (whole.sum() + size) ** 2
+    effect = max(1.0, variance / (share * (1 - share) / (whole.sum() + size - 1)))
+    cases = whole.sum() / effect
+    return wilson(part.sum() / whole.sum(), cases)
+
+
+def wilson(p, n):
+    """The two shares from which p is 1.96 standard errors away: roots of a quadratic equation."""
+    z2 = stats.norm.ppf(0.975) ** 2
+    return tuple(sorted(np.roots([1 + z2 / n, -(2 * p + z2 / n), p * p]).real))
+
+
+@pytest.fixture(scope="module")
+def outcomes():
+    """Whether a trial succeeds: experiment, scenario, controller, N: a series by champion and side."""
+    rows = read("trials")
+    return {
+        key: own.set_index(["genome", "side"]).sort_index()
+        for key, own in rows.groupby(["experiment", "scenario", "controller", "N"])
+    }
+
+
+def fates(outcomes, experiment, scenario, controller="Hebbian"):
+    """Of each champion: trials solved in training, broken, rescued, intact, harmed."""
+    solved = outcomes[experiment, TRAINED[experiment], "GA", 0.0].succeeds
+    alone = outcomes[experiment, scenario, "GA", 0.0].succeeds
+    plastic = outcomes[experiment, scenario, controller, RATE[experiment]].succeeds
+    found = {"solved": solved, "broken": solved & ~alone, "intact": solved & alone}
+    found |= {"rescued": found["broken"] & plastic, "harmed": found["intact"] & ~plastic}
+    return pd.DataFrame(found).groupby("genome").sum()
+
+
+def near(row, name, value, ends, digits=1e-9):
+    assert row[name] == pytest.approx(value, abs=digits, nan_ok=True)
+    stem = name.removesuffix("share") or ""
+    stem = stem if stem in ("", "rescued_", "harmed_") else f"{stem}_"
+    found = tuple(row[f"{stem}{end}"] for end in ("low", "high"))
+    assert found == pytest.approx(ends, abs=digits, nan_ok=True)
+
+
+@pytest.mark.parametrize("controller", ["Hebbian", "shuffled signs", "anti-Hebbian"])
+@pytest.mark.parametrize(
+    ("experiment", "scenario"),
+    [("light", "highlight"), ("light", "lowlight"), ("obstacles", "2obstacles"), ("obstacles", "4obstacles")],
+)
+def test_rescue_and_harm(outcomes, experiment, scenario, controller):
+    """Two shares with their intervals, and p, in twelve rows."""
+    rows = read("rescue_and_harm").set_index(["experiment", "scenario", "controller", "N"])
+    row, own = (
+        rows.loc[experiment, scenario, controller, RATE[experiment]],
+        fates(outcomes, experiment, scenario, controller),
+    )
+    for part, whole in (("rescued", "broken"), ("harmed", "intact")):
+        share = own[part].sum() / own[whole].sum() if own[whole].sum() else math.nan
+        near(row, f"{part}_share", share, interval(own[part], own[whole]))
+    alone, plastic = (
+        outcomes[experiment, scenario, name, rate].succeeds.groupby("genome").sum()
+        for name, rate in (("GA", 0.0), (controller, RATE[experiment]))
+    )
+    change = (plastic - alone).to_numpy()
+    p = stats.permutation_test((change[change != 0],), np.sum, permutation_type="samples", n_resamples=np.inf)
+    assert row.sign_flip_p == pytest.approx(p.pvalue if change.any() else 1.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("n", range(13))
+def test_claims(outcomes, n):
+    """The share or the effect of each claim, its interval, its control, and the verdict by the printed rule."""
+    row = read("claims").iloc[n]
+    if row.verdict == "check passed":
+        return
+    words, experiment = row.claim, row.experiment
+    if not math.isnan(row.paper_effect):
+        column, before, after = (
+            ("weight_change_mean", ("base", "Hebbian", RATE["obstacles"]), "4obstacles")
+            if "Weight" in words
+            else ("time_to_goal_s", ("base", "GA", 0.0), "base")
+        )
+        old, new = (outcomes["obstacles", *key][column] for key in (before, (after, "Hebbian", RATE["obstacles"])))
+        changes = (100 * (new / old - 1)).groupby("genome").mean().dropna().to_numpy()
+        assert row.effect == pytest.approx(changes.mean())
+        again = stats.bootstrap(
+            (changes,), np.mean, method="percentile", rng=np.random.default_rng(1)
+        ).confidence_interval
+        ends = (row.effect_low, row.effect_high)
+        assert ends == pytest.approx(tuple(again), abs=0.15 * (again.high - again.low))
+        claimed, (low, high) = abs(row.paper_effect), sorted(np.sign(row.paper_effect) * np.array(ends))
+        expected = "holds" if low > 0 else "inconclusive" if low <= claimed <= high else "does not hold"
+        assert row.verdict.removesuffix(", smaller") == expected
+        return
+    places = {"low": "lowlight", "high": "highlight", "two": "2obstacles", "four": "4obstacles"}
+    cases = {
+        "The GA fails in low light": ("low", "broken", "solved"),
+        "N = 0.002 rescues it": ("low", "rescued", "broken"),
+        "The same N harms in high light": ("high", "harmed", "intact"),
+        "2 obstacles defeat the GA": ("two", "broken", "solved"),
+        "N = 1.5e-05 rescues it at 2": ("two", "rescued", "broken"),
+        "4 obstacles defeat the GA": ("four", "broken", "solved"),
+        "N = 1.5e-05 rescues it at 4": ("four", "rescued", "broken"),
+    }
+    if words in cases:
+        world, part, whole = cases[words]
+        own = fates(outcomes, experiment, places[world])
+        assert (row.true, row.n) == (own[part].sum(), own[whole].sum())
+        near(row, "share", own[part].sum() / own[whole].sum(), interval(own[part], own[whole]))
+    if math.isnan(row.low):
+        assert row.verdict == f"too few (n = {row.n}, {row.champions} champions)"
+        assert row.champions < 6
+    elif row.low > 0.5 or row.high < 0.5:
+        assert row.verdict == ("holds" if row.low > 0.5 else "does not hold")
+    else:
+        wide = row.low < 0.25 or row.high > 0.75
+        assert row.verdict == (f"inconclusive (n = {row.n})" if wide else "mixed")
+
+
+FOLDERS = sorted(path.parent.name for path in REFERENCE.glob("*/rescue_by_champion.csv"))
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_studies(folder):
+    """Rescue and harm of all controllers, from the table by champion."""
+    champions = read(f"{folder}/rescue_by_champion").groupby(["experiment", "controller", "N"])
+    for key, row in read(f"{folder}/rescue_over_all").set_index(["experiment", "controller", "N"]).iterrows():
+        own = champions.get_group(key)
+        for part, whole in (("rescued", "broken"), ("harmed", "intact")):
+            share = own[part].sum() / own[whole].sum() if own[whole].sum() else math.nan
+            near(row, f"{part}_share", share, interval(own[part], own[whole]))
+
+
+@pytest.mark.parametrize("experiment", ["light", "obstacles"])
+def test_leaderboard(experiment):
+    """Success, interquartile mean, difference, p, and Holm's correction of a table, from its champions."""
+    board, champions = read("leaderboard/leaderboard"), read("leaderboard/champions")
+    board, champions = board[board.experiment == experiment], champions[champions.experiment == experiment]
+    own = {name: rows.set_index("seed") for name, rows in champions.groupby("method")}
+    for _, row in board.iterrows():
+        ours = own[row.method]
+        share = ours.successes / ours.trials
+        near(row, "success", ours.successes.sum() / ours.trials.sum(), interval(ours.successes, ours.trials))
+        assert row.iqm == pytest.approx(stats.trim_mean(share, 0.25))
+        if row.kind == "plain":
+            continue
+        others = own[row.matched_control]
+        theirs = others.successes / others.trials
+        assert row.difference == pytest.approx(share.mean() - theirs.mean())
+        assert row.improvement == pytest.approx(stats.mannwhitneyu(share, theirs).statistic / len(share) / len(theirs))
+        samples, kind = (((share - theirs),), "samples") if row.kind == "post_hoc" else ((share, theirs), "independent")
+        statistic = np.mean if row.kind == "post_hoc" else lambda x, y, axis: x.mean(axis=axis) - y.mean(axis=axis)
+        p = stats.permutation_test(
+            samples, statistic, permutation_type=kind, n_resamples=9999, rng=np.random.default_rng(1)
+        )
+        assert row.p == pytest.approx(p.pvalue, abs=0.02)
+    tests = pd.concat([board.p, board.best_plain_p]).dropna().sort_values()
+    steps = np.maximum.accumulate(tests.to_numpy() * np.arange(len(tests), 0, -1)).clip(max=1)
+    held = np.sort(pd.concat([board.p_holm, board.best_plain_p_holm]).dropna())
+    assert held == pytest.approx(np.sort(steps))
