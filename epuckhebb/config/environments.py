@@ -20,7 +20,7 @@ from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.plasticity.rule import NoRule, Rule
 from epuckhebb.controller.ranges import check, within
-from epuckhebb.controller.wiring import Wiring
+from epuckhebb.controller.wiring import LAYERS, Wiring
 from epuckhebb.evolution.evolve import evolved_plan
 from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.evolution.training import UNVARIED
@@ -243,7 +243,8 @@ def _fit_rule(cfg: DictConfig, choice: str, is_typed: Callable[[str], bool]) -> 
     if rule.get("rule") in (None, NONE):
         return
     defaults = {"signal": SIGNAL, "floor": 1.0, "N_gain_rad_s": 0.0}
-    defaults |= _AS_PAPERS if choice.startswith("abcd") else {}
+    if choice.startswith("abcd"):
+        defaults |= _AS_PAPERS if cfg.network.wiring == LAYERS else {"N": _AS_PAPERS["N"]}
     if "scenario" in str(row.get("N", "")) or "N" not in rule:
         defaults |= {"N": _RATE}
     for key, value in defaults.items():

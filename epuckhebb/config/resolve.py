@@ -39,9 +39,10 @@ def resolve(
     """Complete a configuration as Hydra composed it; it is changed. choices: of each group."""
     with flag_override(cfg, ["struct", "readonly"], [False, False]):
         try:
+            if "environment" in cfg:  # first, since rows of rules refer to the maze
+                environments.complete(cfg, choices, overrides)
             find_own_files(cfg)
             if "environment" in cfg:
-                environments.complete(cfg, choices, overrides)
                 _complete_classes(cfg)
             elif "scenario" in cfg and cfg.get("changed") is None:
                 _resolve(command, cfg, dict(choices), overrides, config_dir)
