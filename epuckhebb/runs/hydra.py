@@ -175,8 +175,9 @@ def _do(task: Callable[[Any], None], errors: list[Exception], parent: int, cfg: 
 
 def _begun(arguments: list[str]) -> set[Path]:
     """What jobs of a multirun have in its folder as soon as they begin, or as SLURM has them."""
-    folder = next((Path(value_of(word)) for word in reversed(arguments) if word.startswith(SWEEP_DIR)), Path())
-    return {path for one in ("*/.hydra", "*/*/.hydra", ".submitit/[0-9]*/") for path in folder.glob(one)}
+    folders = [Path(value_of(word)) for word in arguments if word.startswith(SWEEP_DIR)][-1:]  # the last counts
+    begun = ("*/.hydra", "*/*/.hydra", ".submitit/[0-9]*/")
+    return {path for folder in folders for pattern in begun for path in folder.glob(pattern)}
 
 
 def call(command: str, task: Callable[[Any], None], arguments: list[str], config_dir: str | None = None) -> None:
