@@ -27,11 +27,10 @@ def run_command(
     if not options.cfg:
         hydra.check(command, words, config_dir, prepare, multirun=multirun)
     runs = hydra.run(command, job, [*words, *flags], config_dir)
-    if multirun and runs:
-        from epuckhebb.studies import sweep
+    if multirun and command == "evaluate" and runs:
+        from epuckhebb.studies.sweep import write_summary_of_multirun
 
-        write = sweep.write_summary_of_multirun if command == "evaluate" else sweep.write_learning_of_multirun
-        write(runs[0].parent, runs)
+        write_summary_of_multirun(runs[0].parent, runs)
     if not options.cfg:
         print_runs(command, runs, options)
 

@@ -174,26 +174,6 @@ def write_summary_of_multirun(folder: Path, finished: Sequence[Path]) -> None:
     _write_over_all(folder, lambda name, content: write_atomic(folder / name, as_bytes(content)), gathered)
 
 
-def write_learning_of_multirun(folder: Path, finished: Sequence[Path]) -> None:
-    """Write the generations of all evolutions of a multirun, and their learning curves over seeds."""
-    tables = []
-    for path in finished:
-        run = Run(path)
-        words = [word for word in run.provenance["overrides"] if not word.startswith("seed=")]
-        tables.append(run.table("history.csv").assign(run=path.name, condition=" ".join(words)))
-    write_atomic(folder / "learning.csv", as_bytes(pd.concat(tables)))
-    from epuckhebb.analysis.image import image  # matplotlib takes a while to load
-
-    write_atomic(folder / "figures" / "learning.png", image(figures(Run(folder))["learning"]))
-
-
-def _learning(table: pd.DataFrame) -> "Figure":
-    from epuckhebb.analysis.charts import learning_curves
-
-    conditions = table.groupby("condition", sort=False, dropna=False)
-    return learning_curves({str(name): [own for _, own in runs.groupby("run")] for name, runs in conditions})
-
-
 def figures(run: Run) -> dict[str, "Figure"]:
     """The figures of the tables over all lifetimes in a folder of a sweep or a multirun."""
     from epuckhebb.analysis import charts  # matplotlib takes a while to load
@@ -201,7 +181,6 @@ def figures(run: Run) -> dict[str, "Figure"]:
     drawn = {
         "dose_response": ("doses.csv", charts.rates),
         "rescue_and_harm": ("rescue_over_all.csv", charts.rescue_over_all),
-        "learning": ("learning.csv", _learning),
     }
     return {name: draw(run.table(file)) for name, (file, draw) in drawn.items() if run.has(file)}
 
