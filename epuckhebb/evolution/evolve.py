@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -57,6 +57,19 @@ class Generation:
     seconds: float
 
 
+class Evaluator(Protocol):
+    """What runs the lifetimes of a population."""
+
+    @property
+    def lifetimes(self) -> int:
+        """How many lifetimes each individual runs in a generation."""
+
+    def evaluate(
+        self, population: Floats, generation: int, measures: Sequence[str] = ()
+    ) -> tuple[Floats, Floats, dict[str, Floats], int]:
+        """Mean fitness and success of each individual, measures by name, and the steps that were run."""
+
+
 def evolve(
     optimizer: Algorithm,
     scenario: Scenario,
@@ -83,14 +96,31 @@ def evolve(
     """
     generations, loops = optimizer.schedule(training, lifetime)
     training.check(scenario, lifetime, loops)
-    learns = not isinstance(controller.rule, NoRule)
-    shared = optimizer.common_random_numbers or learns
+    shared = optimizer.common_random_numbers or not isinstance(controller.rule, NoRule)
     evaluator = _Evaluator(optimizer, loops, scenario, lifetime, training, seed, network, controller, threads, shared)
-    plan = evolved_plan(network, controller.rule, given=given is not None)
+    yield from search_generations(
+        optimizer, evaluator, generations, seed, after, network=network, rule=controller.rule, given=given
+    )
+
+
+def search_generations(
+    optimizer: Algorithm,
+    evaluator: Evaluator,
+    generations: int,
+    seed: int,
+    after: Generation | None = None,
+    *,
+    network: Network,
+    rule: Rule,
+    given: Floats | None = None,
+) -> Iterator[Generation]:
+    """The same with lifetimes in any world. evaluator: runs them."""
+    learns = not isinstance(rule, NoRule)
+    plan = evolved_plan(network, rule, given=given is not None)
     search = Search(optimizer, plan, seed, () if after is None else after.log)
 
     def whole(genes: Floats) -> Floats:
-        return with_given(genes, network, controller.rule, given)
+        return with_given(genes, network, rule, given)
 
     for number in range(0 if after is None else after.number + 1, generations):
         began = time.perf_counter()
@@ -105,7 +135,7 @@ def evolve(
         if number == generations - 1 and (optimizer.confirm or len(candidates) > 1):
             # Generation numbers after the last give fresh noise. These steps are in no row of the history: a row must
             # not depend on whether it is the last.
-            rounds = -(-max(optimizer.confirm, CONFIRM * learns) // (loops * len(_TRIALS)))
+            rounds = -(-max(optimizer.confirm, CONFIRM * learns) // evaluator.lifetimes)
             fresh = [evaluator.evaluate(candidates, generations + k)[0] for k in range(rounds)]
             confirmed = np.mean(fresh, axis=0)
             champion, champion_fitness = candidates[np.argmax(confirmed)], float(confirmed.max())
@@ -157,6 +187,11 @@ class _Evaluator(NamedTuple):
     controller: Controller
     threads: int
     shared: bool  # whether all individuals have the same starts and noise
+
+    @property
+    def lifetimes(self) -> int:
+        """See `Evaluator`."""
+        return self.loops * len(_TRIALS)
 
     def evaluate(
         self, population: Floats, generation: int, measures: Sequence[str] = ()
@@ -211,12 +246,12 @@ class _Evaluator(NamedTuple):
 def history_row(generation: Generation) -> dict[str, Any]:
     """The row of `history.csv` for a generation."""
     best = int(np.argmax(generation.fitness))
+    successes = {"best_success": generation.success[best], "mean_success": generation.success.mean()}
     return {
         "generation": generation.number,
         "best_fitness": generation.fitness.max(),
         "mean_fitness": generation.fitness.mean(),
         "worst_fitness": generation.fitness.min(),
-        "best_success": generation.success[best],
-        "mean_success": generation.success.mean(),
+        **({} if np.isnan(generation.success).any() else successes),  # an environment knows no success
         "robot_steps": generation.robot_steps,
     }
