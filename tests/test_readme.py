@@ -12,7 +12,7 @@ import yaml
 from cases import done, first_of
 
 import epuckhebb
-from epuckhebb.analysis import reproduction, rescue
+from epuckhebb.analysis import reproduction
 from epuckhebb.analysis.claims import claim
 from epuckhebb.tmaze.scenario import TRAINED
 
@@ -73,21 +73,21 @@ VERDICTS = [  # of the paper's claims; those on rescue with obstacles are of 110
 ]
 FINDINGS = [  # a sentence, and the counts that stand in it, each with the method that it is compared with
     (
-        "When the reward [changes sides](docs/reversal.md), **{}** champions learn with a modulated rule, and {} without; "
-        "{} recurrent ones learn without any rule.",
+        "When the reward [changes sides](docs/reversal.md), **{}** champions learn with a modulated rule, and {} "
+        "without; {} recurrent ones learn without any rule.",
         [("reversal/leaderboard", "solved", "champions", {"method": name}) for name in ("modulated", "ga", "ctrnn")],
     ),
     (
-        "A robot that [is given a goal signal](docs/adaptations.md) rescues **{}** broken trials by learning to stay, {} "
-        "by a halt, {} without any network.",
+        "A robot that [is given a goal signal](docs/adaptations.md) rescues **{}** broken trials by learning to "
+        "stay, {} by a halt, {} without any network.",
         [
             ("unseen_kinds/rescue_over_all", "rescued", "broken", {"experiment": LIGHT, "controller": name})
             for name in ("find_and_learn_to_stay (anti)", "find_and_stay", "hand_written")
         ],
     ),
     (
-        "Ten robots lose one that knows the way: **{}** [flocks](docs/flock.md) that listen to the fit stay on course, {} "
-        "with fixed couplings.",
+        "Ten robots lose one that knows the way: **{}** [flocks](docs/flock.md) that listen to the fit stay on course, "
+        "{} with fixed couplings.",
         [
             ("flock/flock", "good", "runs", {**USUAL_FLOCK, "breaks": "knower", "coupling": name})
             for name in ("live_fitness", "frozen")
