@@ -251,14 +251,30 @@ def test_bad_input_ends_with_exit_code_2_and_leaves_nothing(words, tmp_path, mon
     assert not Path("runs").exists()
 
 
-def test_dict_observations_and_missing_libraries_are_refused(tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("space", "step", "text"),
+    [
+        ("spaces.Dict(x=spaces.Discrete(2))", "0, 1.0, False, False, {}", "Dict"),
+        ("spaces.Box(-1, 1, (3,))", "raises()", "failed in line"),
+        ("spaces.Box(-1, 1, (3,))", "np.zeros(5), 1.0, False, False, {}", "failed"),
+        ("spaces.Box(-1, 1, (3,))", "np.zeros(3), 1.0, False, {}", "failed"),
+        ("spaces.Box(-1, 1, (3,))", "np.zeros(3), np.nan, False, False, {}", "nan"),
+    ],
+)
+def test_an_environment_of_ones_own_that_fails_is_refused_before_a_run(space, step, text, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("own.py").write_text(
-        "import gymnasium\n\n\nclass Mine(gymnasium.Env):\n"
-        "    observation_space = gymnasium.spaces.Dict(x=gymnasium.spaces.Discrete(2))\n"
-        "    action_space = gymnasium.spaces.Discrete(2)\n"
+        "import gymnasium, numpy as np\nfrom gymnasium import spaces\n\n\nclass Mine(gymnasium.Env):\n"
+        f"    observation_space = {space}\n    action_space = spaces.Discrete(2)\n"
+        "    def reset(self, seed=None, options=None):\n        return np.zeros(3), {}\n"
+        f"    def step(self, action):\n        return {step}\n"
     )
-    assert "Dict" in refused("evolve", "environment=own.py:Mine")
+    assert text in refused("evolve", "environment=own.py:Mine")
+    assert not Path("runs").exists()
+
+
+def test_missing_libraries_are_refused(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     missing = gymnasium.error.DependencyNotInstalled("MuJoCo is not installed")
     monkeypatch.setattr(gymnasium, "make", lambda *_, **__: raises(missing))
     assert "epuckhebb[gym]" in refused("evolve", "environment=ant")
