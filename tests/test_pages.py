@@ -274,8 +274,8 @@ def test_the_python_of_the_readme_acts_and_learns():
     assert names["controller"].weight_change > 0
 
 
-def test_the_python_of_the_page_of_the_inside_runs(capsys):
-    (script,) = blocks(ROOT / "docs" / "inside.md", "python")
+def test_a_lifetime_in_pieces_runs_as_shown(capsys):
+    (script,) = blocks(ROOT / "docs" / "contribute.md", "python")
     exec(script, {})
     assert float(capsys.readouterr().out) > 0
 
@@ -343,3 +343,8 @@ def test_links_lead_somewhere(page):
             found = page.parent / file if file else page
             assert found.exists(), target
             assert not place or place in anchors(found), target
+
+
+def test_the_paper_cites_what_its_bibliography_has():
+    text, bib = ((ROOT / "paper" / f"paper.{name}").read_text() for name in ("md", "bib"))
+    assert set(re.findall(r"@(\w+\d{4})", text)) == set(re.findall(r"^@\w+{(\w+),", bib, re.MULTILINE))
