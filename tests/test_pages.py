@@ -192,7 +192,7 @@ def test_the_commands_of_pages_are_understood(pages, folder, monkeypatch):
 
 
 def test_what_n_means_per_metre_has_the_numbers_of_the_answer():
-    (script,) = blocks(ROOT / "docs" / "faq.md", "python")
+    _, script = blocks(ROOT / "docs" / "tutorial.md", "python")
     names = {}
     exec(script, names)
     for name, shown in (("steps", ".0f"), ("fast", ".1f"), ("slow", ".1f"), ("small", ".2f")):
@@ -243,7 +243,7 @@ def test_the_tutorial(checkout, monkeypatch):
     for line in shown(page):
         _, command, *words = shlex.split(line)
         done(command, *words, *more.get(command, brief(command, words) if command == "evolve" else []))
-    (plot,) = blocks(page, "python")
+    plot, _ = blocks(page, "python")
     exec(plot, {})
     assert (checkout / "dim.png").read_bytes().startswith(b"\x89PNG")
 

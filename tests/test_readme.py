@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[1]
 REFERENCE = ROOT / "runs" / "reference"
 README = ROOT / "README.md"
 USUAL_FLOCK = {"loudness": 2.5, "knowers": 2, "range_m": 2.0}
-RESULTS, FAQ, ADAPTATIONS = (ROOT / "docs" / f"{name}.md" for name in ("results", "faq", "adaptations"))
+RESULTS, TUTORIAL, ADAPTATIONS = (ROOT / "docs" / f"{name}.md" for name in ("results", "tutorial", "adaptations"))
 
 
 def test_the_image_runs_the_line_of_the_readme():
@@ -46,7 +46,7 @@ def test_the_citation_and_the_page_of_releases_name_this_version():
 
 @pytest.mark.parametrize(
     ("page", "name"),
-    first_of([(README, "output"), (FAQ, "reached"), (FAQ, "other"), (ADAPTATIONS, "compared")]),
+    first_of([(README, "output"), (TUTORIAL, "reached"), (TUTORIAL, "other"), (ADAPTATIONS, "compared")]),
 )
 def test_a_page_shows_what_its_command_prints(page, name, generated, here, monkeypatch):
     """All that the command above the mark prints but its run folder; of the front page, the table."""
