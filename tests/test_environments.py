@@ -1,6 +1,7 @@
 """Environments of Gymnasium: evolve, evaluate, changes, bit-identical reruns and processes, sweeps, and bad input."""
 
 import itertools
+import math
 import sys
 from contextlib import chdir
 from pathlib import Path
@@ -13,6 +14,7 @@ from cases import call, check_resumed, described_columns, done, refused
 from PIL import Image
 
 import epuckhebb
+from epuckhebb.analysis.environments import effects
 from epuckhebb.config import load_any
 from epuckhebb.controller.controller import Controller
 from epuckhebb.controller.plasticity.rule import Normalise
@@ -119,6 +121,27 @@ def test_many_runs_get_one_table_over_champions():
     table = pd.read_csv("many/summary.csv")
     assert list(table.controller[:2]) == ["without plasticity", "abcd (without plasticity)"]
     assert (table.champions == 1).all()
+
+
+def test_effects_are_those_of_scipy_on_means_of_champions():
+    rng, names = np.random.default_rng(1), {"plain": 0.0, "abcd": 0.1, "abcd (frozen at the change)": 0.1}
+    rows = [
+        {"environment": "x", "change": "c", "controller": name, "N": rate, "genome": f"{name[:4]}{genome}"}
+        | {"return_after": rng.normal(5 * (name == "abcd"))}
+        for name, rate in names.items()
+        for genome in range(7)
+        for _ in range(3)
+    ]
+    found = effects(pd.DataFrame(rows), ["environment", "change"]).set_index("against")
+    assert list(found) == [name for name in described_columns("effects.csv") if name != "against"]
+    means = pd.DataFrame(rows).groupby(["controller", "genome"], sort=False).return_after.mean()
+    ours, plain, frozen = means["abcd"], means["plain"], means["abcd (frozen at the change)"]
+    assert found.effect["plain"] == pytest.approx(ours.mean() - plain.mean())
+    assert found.p["plain"] == pytest.approx(2 / math.comb(14, 7))
+    paired = ours - frozen
+    signs = np.array(list(itertools.product((1, -1), repeat=7))) @ paired.to_numpy() / 7
+    assert found.p["abcd (frozen at the change)"] == pytest.approx((abs(signs) >= abs(paired.mean()) - 1e-12).mean())
+    assert (found.p_holm >= found.p).all()
 
 
 @pytest.mark.thorough
