@@ -83,8 +83,8 @@ FINDINGS = [  # a sentence, and the counts that stand in it, each with the metho
         ],
     ),
     (
-        "Ten robots lose one that knows the way: **{}** [flocks](docs/flock.md) that listen to the fitter stay on course, "
-        "{} with fixed couplings.",
+        "Ten robots lose one that knows the way: **{}** [flocks](docs/flock.md) that listen to the fitter stay on "
+        "course, {} with fixed couplings.",
         [
             ("flock/flock", "good", "runs", {**USUAL_FLOCK, "breaks": "knower", "coupling": name})
             for name in ("live_fitness", "frozen")
