@@ -1,4 +1,4 @@
-"""Tables and figures of lifetimes in environments: the return before and after a change, with intervals."""
+"""Tables of lifetimes in environments: the return before and after a change, with intervals."""
 
 import itertools
 from collections import Counter
@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 
 from epuckhebb.analysis.lifetimes import Evaluated, Gathered
 from epuckhebb.analysis.statistics import bootstrap, mean
@@ -20,7 +19,6 @@ CONDITION = ("environment", "change", "controller", "N")
 _OWN = ("genome", "seed", "environment", "environment.change", "environment.changes", "hebbian.N")  # have columns
 _NO_CONDITION = ("repeats", "environment.processes")  # keys that do not change what is evaluated
 _BINS = 50  # of a lifetime, in `lifetime.csv`
-_COLOURS = ("#555555", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
 
 
 def over_lifetime(names: Sequence[str], lives: Sequence[Lived], horizon: int) -> list[dict[str, Any]]:
@@ -109,28 +107,3 @@ def readable(rows: pd.DataFrame, title: str = "") -> Table:
         for row in rows.to_dict("records")
     ]
     return Table(headings, lines, title, text=len(first), numbers=True)
-
-
-def lifetime(course: pd.DataFrame, title: str, changes: Sequence[int]) -> Figure:
-    """The mean reward of a step and the weight change over a lifetime, with the changes marked.
-
-    course: a row for each controller and part, of one champion or many. changes: steps.
-    """
-    from epuckhebb.analysis.figures import tidy
-
-    drawn = Figure(figsize=(6.4, 5.6), layout="constrained")
-    panels = drawn.subplots(2, 1, sharex=True)
-    for number, (name, own) in enumerate(course.groupby("controller", sort=False)):
-        mean_of = own.groupby("step")[["reward", "weight_change"]].mean()
-        look = {"color": _COLOURS[number % len(_COLOURS)], "linestyle": ("-", "--", ":")[number // len(_COLOURS) % 3]}
-        for axes, column in zip(panels, mean_of, strict=True):
-            axes.plot(mean_of.index, mean_of[column], label=plain(str(name)), **look)
-    for axes, label in zip(panels, ("mean reward of a step", "weight change"), strict=True):
-        for step in changes:
-            axes.axvline(step, color="black", linewidth=0.8, linestyle=":")
-        axes.set_ylabel(label)
-        tidy(axes)
-    panels[1].set_xlabel("step" + (", changes dotted" if changes else ""))
-    panels[0].legend(frameon=False, fontsize=8)
-    drawn.suptitle(plain(title), fontsize=9)
-    return drawn

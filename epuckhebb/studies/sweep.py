@@ -179,8 +179,8 @@ def figures(run: Run) -> dict[str, "Figure"]:
     from epuckhebb.analysis import charts  # matplotlib takes a while to load
 
     drawn = {
-        "dose_response": ("doses.csv", charts.rates),
-        "rescue_and_harm": ("rescue_over_all.csv", charts.rescue_over_all),
+        "dose_response": ("doses.csv", charts.dose_response),
+        "rescue_and_harm": ("rescue_over_all.csv", charts.rescue_and_harm),
     }
     return {name: draw(run.table(file)) for name, (file, draw) in drawn.items() if run.has(file)}
 
