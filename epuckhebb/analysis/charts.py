@@ -260,3 +260,22 @@ def lifetime(course: pd.DataFrame, title: str, changes: Sequence[int]) -> Figure
     panels[0].legend()
     drawn.suptitle(plain(title))
     return drawn
+
+
+@in_house_style()
+def returns(rows: pd.DataFrame) -> Figure:
+    """The mean return before and after a change, of each controller, with intervals: a panel for each change."""
+    worlds = rows.fillna({"change": ""}).groupby("change", sort=False)
+    names = list(dict.fromkeys(rows.controller))
+    drawn = Figure(figsize=(2.2 + 2.6 * len(worlds), 1.2 + 0.28 * len(names)))
+    panels = drawn.subplots(1, len(worlds), sharey=True, sharex=True, squeeze=False)[0]
+    for axes, (change, own) in zip(panels, worlds, strict=True):
+        for when, colour, shift in (("before", SOFT, -0.15), ("after", INK, 0.15)):
+            places = [names.index(name) + shift for name in own.controller]
+            axes.hlines(places, own[f"return_{when}_low"], own[f"return_{when}_high"], color=colour)
+            axes.plot(own[f"return_{when}"], places, "o", color=colour, markersize=4, label=when)
+        axes.set(title=plain(str(change)) or "nothing changes", xlabel="return")
+    panels[0].set_yticks(range(len(names)), [plain(name) for name in names])
+    panels[0].invert_yaxis()
+    panels[0].legend()
+    return drawn
