@@ -8,6 +8,7 @@ import pytest
 import yaml
 
 from epuckhebb.analysis import leaderboard, reproduction, rescue
+from epuckhebb.flock import tables as flock
 from epuckhebb.runtime.resources import data_folder
 from epuckhebb.tmaze.scenario import EXPERIMENTS
 
@@ -70,3 +71,10 @@ def test_the_report_of_the_reproduction_is_that_of_its_tables(committed):
     captions = {name: caption for caption, name in re.findall(r"!\[(.*)\]\(figures/(.*)\)", text)}
     facts = {"champions": champions, "repeats": repeats, "given": False, "provenance": text.splitlines()[2]}
     committed(path, reproduction.markdown(own, titles, shown, captions, **facts))
+
+
+def test_the_report_of_the_flocks_is_that_of_their_table(committed):
+    path = REFERENCE / "flock" / "report.md"
+    text = path.read_text()
+    made, figures = text.splitlines()[2].partition(" Mean cosine")[0], re.findall(r"\(figures/(.*)\)", text)
+    committed(path, flock.page(*tables(path.parent, "flock"), made, figures))

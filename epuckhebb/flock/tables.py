@@ -157,7 +157,8 @@ def _with_interval(row: dict[str, float], name: str, digits: int = 3) -> str:
     if np.isnan(row[name]):  # the weight to the broken robot where none breaks
         return "–"
     form = f"{'+' if name == 'difference' else ''}.{digits}f"
-    return f"{row[name]:{form}} [{low:{form}}, {high:{form}}]"
+    interval = "" if np.isnan(low) else f" [{low:{form}}, {high:{form}}]"  # none where all runs have one value
+    return f"{row[name]:{form}}{interval}"
 
 
 def title_of(coupling: str) -> str:
