@@ -78,7 +78,10 @@ def on_page_markdown(markdown: str, page: Any, config: MkDocsConfig, files: File
         markdown += columns_of_files()
     if own == "keys.md":
         markdown += "".join(f"\n## {name}\n\n```yaml\n{keys_text(name)}```\n" for name in known())
-    folder = (ROOT if own.startswith("runs/") else PAGES) / Path(own).parent
+    is_report = own.startswith("runs/")
+    if is_report or own == "index.md":  # tables of a report need the whole width
+        page.meta["hide"] = ["navigation", "toc"]
+    folder = (ROOT if is_report else PAGES) / Path(own).parent
 
     def replaced(found: re.Match[str]) -> str:
         text, place = found["text"], found["place"] or ""
