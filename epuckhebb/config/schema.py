@@ -224,7 +224,7 @@ def structured(command: str) -> DictConfig:
     for key in (*_GROUPS, *_OWN):
         if isinstance(part := OmegaConf.select(node, key), DictConfig):
             OmegaConf.set_struct(part, False)  # Hydra takes any key below them, without a +
-    if "ga" in node:
+    if command.startswith(EvolveConfig.command):
         node.ga = None  # until group ga is chosen, which other optimizers than the GA undo
     return node
 
