@@ -2,9 +2,9 @@
 
 import itertools
 import math
+import re
 import sys
 from contextlib import chdir
-import re
 from pathlib import Path
 
 import gymnasium
