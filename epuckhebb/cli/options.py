@@ -158,10 +158,10 @@ def with_genomes_named(overrides: list[str] | None) -> list[str]:
     words = readable(overrides or [])
     for place, word in enumerate(words):
         key, _, value = word.partition("=")
-        if key == "genome" and (ends := _FROM_TO.search(value)):
+        if key in ("genome", "start") and (ends := _FROM_TO.search(value)):
             names = (f"{REFERENCE}_{seed}" for seed in range(int(ends[1]), int(ends[2]) + 1))
-            words[place] = f"genome={value[: ends.start()]}{','.join(names)}{value[ends.end() :]}"
-        elif key in ("genome", "resume") and LATEST in (choices := value.split(",")):
+            words[place] = f"{key}={value[: ends.start()]}{','.join(names)}{value[ends.end() :]}"
+        elif key in ("genome", "start", "resume") and LATEST in (choices := value.split(",")):
             folder = str(resolve_run(LATEST, "evolve"))
             path = folder if key == "resume" else quoted(folder)
             words[place] = f"{key}={','.join(path if choice == LATEST else choice for choice in choices)}"

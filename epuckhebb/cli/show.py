@@ -162,7 +162,10 @@ def print_champion(genome: Genome, console: Console) -> None:
         task = f", for task {genome.task}" if genome.task else ""
         fitness = f", for fitness {genome.fitness_function}" if genome.fitness_function else ""
         physics = f", in physics {genome.physics or PYMUNK.name}"
-        line = f"Evolved by {genome.optimizer}, in training worlds {genome.training}{physics}{rule}{task}{fitness}"
+        start = f" from {genome.start}" if genome.start else ""
+        line = (
+            f"Evolved by {genome.optimizer}{start}, in training worlds {genome.training}{physics}{rule}{task}{fitness}"
+        )
         print_line(console, line)
     nominal = genome.nominal
     if nominal is None:

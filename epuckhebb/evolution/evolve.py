@@ -6,7 +6,7 @@ never stopped.
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -21,7 +21,7 @@ from epuckhebb.controller.plasticity.control import signs
 from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, Rule
 from epuckhebb.controller.random import Stream
 from epuckhebb.evolution.optimizer import CANDIDATES, CONFIRM, Algorithm
-from epuckhebb.evolution.search import Results, Search
+from epuckhebb.evolution.search import LEARNT, Results, Search
 from epuckhebb.evolution.training import UNVARIED, Training, World
 from epuckhebb.tmaze.batch import run_lifetimes
 from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
@@ -42,7 +42,8 @@ class Generation:
 
     number: from 0. fitness: (individuals,). success: (individuals,) share of each one's lifetimes that ended at the
     goal. champion: (genes,) the fittest; after the last generation, the best of the optimizer's candidates.
-    champion_fitness: by which it was chosen. log: all results so far, for the optimizer. tables: what
+    champion_fitness: by which it was chosen. rule_off: fitness of the fittest in the same lifetimes without plasticity;
+    None if it was not measured. log: all results so far, for the optimizer. tables: what
     it has to show, by name. robot_steps, seconds: cost.
     """
 
@@ -55,6 +56,7 @@ class Generation:
     tables: dict[str, "pd.DataFrame"]
     robot_steps: int
     seconds: float
+    rule_off: float | None = None
 
 
 def evolve(
@@ -69,13 +71,17 @@ def evolve(
     network: Network = PAPER_NETWORK,
     controller: Controller = GA_ALONE,
     given: Floats | None = None,
+    start: Floats | None = None,
+    origin: Scenario | None = None,
 ) -> Iterator[Generation]:
     """Evolve controllers in a scenario; yields one record a generation.
 
     after: the last record of an unfinished evolution with the same arguments, to resume. controller: with a plasticity
     rule, individuals learn during evolution, and evolved parameters of the rule are part of the genome. Then all
     individuals of a generation have the same starts and noise, and the champion is the best of three in fresh
-    lifetimes, with any optimizer. given: the genes of a champion's network, if only the rule is evolved.
+    lifetimes, with any optimizer. given: the genes of a champion's network, if only the rule is evolved. start: the
+    evolved genes with which evolution begins; None for random ones. origin: the training world of the experiment, if
+    `training` lets it come back.
 
     Raises:
         PartError: the optimizer failed, or asked for what is no genome.
@@ -85,9 +91,11 @@ def evolve(
     training.check(scenario, lifetime, loops)
     learns = not isinstance(controller.rule, NoRule)
     shared = optimizer.common_random_numbers or learns
-    evaluator = _Evaluator(optimizer, loops, scenario, lifetime, training, seed, network, controller, threads, shared)
+    evaluator = _Evaluator(
+        optimizer, loops, scenario, lifetime, training, seed, network, controller, threads, shared, origin
+    )
     plan = evolved_plan(network, controller.rule, given=given is not None)
-    search = Search(optimizer, plan, seed, () if after is None else after.log)
+    search = Search(optimizer, plan, seed, () if after is None else after.log, start)
 
     def whole(genes: Floats) -> Floats:
         return with_given(genes, network, controller.rule, given)
@@ -99,6 +107,7 @@ def evolve(
         search.tell(fitness, measures)
         best = int(np.argmax(fitness))
         champion, champion_fitness = population[best], float(fitness[best])
+        rule_off = evaluator.rule_off(champion, number) if training.rule_off else None
         candidates = whole(search.candidates())
         if learns and not optimizer.confirm:
             candidates = population[np.argsort(-fitness, kind="stable")[:CANDIDATES]]
@@ -119,6 +128,7 @@ def evolve(
             tables=search.tables(),
             robot_steps=robot_steps,
             seconds=time.perf_counter() - began,
+            rule_off=rule_off,
         )
 
 
@@ -157,6 +167,7 @@ class _Evaluator(NamedTuple):
     controller: Controller
     threads: int
     shared: bool  # whether all individuals have the same starts and noise
+    origin: Scenario | None
 
     def evaluate(
         self, population: Floats, generation: int, measures: Sequence[str] = ()
@@ -165,21 +176,37 @@ class _Evaluator(NamedTuple):
 
         measures: fields of an outcome. Their values have the shape (individuals, loops, sides).
         """
-        worlds = self.training.worlds(self.scenario, self.lifetime, self.loops, self.seed, generation)
+        worlds = self.training.worlds(self.scenario, self.lifetime, self.loops, self.seed, generation, self.origin)
         names = ("success", *measures)
         results = np.empty((1 + len(names), len(population), self.loops, len(_TRIALS)))
-        robot_steps = 0
+        robot_steps, learnt = 0, np.zeros((len(population), self.network.synapses))
         for world, together in groupby(range(self.loops), key=worlds.__getitem__):
             loops = list(together)
             individuals = list(self._individuals(population, generation, loops, world))
-            lifetimes = run_lifetimes(individuals, world.scenario, world.lifetime, self.threads)
+            length = world.lifetime
+            if self.training.lamarckian:
+                length = replace(length, record_every=max(1, length.steps - 1))  # the first step and the last
+            lifetimes = run_lifetimes(individuals, world.scenario, length, self.threads)
+            if self.training.lamarckian:
+                last = np.array([samples.weights[-1] for _, samples in lifetimes], np.float64)
+                learnt += last.reshape(len(population), -1, self.network.synapses).sum(axis=1)
             outcomes = [outcome for outcome, _ in lifetimes]
             bonus = self.training.success_bonus
             rows = [(one.fitness + bonus * one.success, *(getattr(one, name) for name in names)) for one in outcomes]
             results[:, :, loops] = np.array(rows).T.reshape(-1, len(population), len(loops), len(_TRIALS))
             robot_steps += sum(outcome.steps for outcome in outcomes)
         fitness, success = results[:2].reshape(2, len(population), -1).mean(axis=2)
-        return fitness, success, dict(zip(measures, results[2:], strict=True)), robot_steps
+        measured = dict(zip(measures, results[2:], strict=True))
+        if self.training.lamarckian:
+            measured[LEARNT] = learnt / (self.loops * len(_TRIALS))
+        return fitness, success, measured, robot_steps
+
+    def rule_off(self, genes: Floats, generation: int) -> float:
+        """The fitness of an individual in the lifetimes of a generation, without plasticity."""
+        plan = plan_of(self.network, type(self.controller.rule))
+        training = replace(self.training, lamarckian=False)
+        alone = self._replace(controller=GA_ALONE, training=training)
+        return float(alone.evaluate(plan.pick(genes, plan.of_network)[None], generation)[0][0])
 
     def _individuals(self, population: Floats, generation: int, loops: list[int], world: World) -> Iterator[Individual]:
         """The individuals of these loops of a generation, which share one world: each genome, on either side."""
@@ -205,6 +232,7 @@ class _Evaluator(NamedTuple):
                         key=random.key(self.seed, Stream.training_noise, *place),
                         task_key=task_keys[loop],
                         start=start,
+                        record=self.training.lamarckian,
                     )
 
 
@@ -219,4 +247,4 @@ def history_row(generation: Generation) -> dict[str, Any]:
         "best_success": generation.success[best],
         "mean_success": generation.success.mean(),
         "robot_steps": generation.robot_steps,
-    }
+    } | ({} if generation.rule_off is None else {"best_fitness_rule_off": generation.rule_off})
