@@ -6,9 +6,12 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
-from cases import contents, done, refused
+from cases import contents, described_columns, done, refused
 
+import epuckhebb
+from epuckhebb.analysis.evolutions import summary
 from epuckhebb.config import EvolveConfig, load
 from epuckhebb.controller.genome import GenomePlan, Part
 from epuckhebb.controller.plasticity.rules.paper import Paper
@@ -198,3 +201,29 @@ def test_the_baldwin_effect_of_hinton_and_nowlan(monkeypatch):
     assert learning[-1].rule_off > 19.9  # then innate
     assert evolution.history_row(learning[-1])["best_fitness_rule_off"] > 19.9
     assert "best_fitness_rule_off" not in evolution.history_row(instinct[-1])
+
+
+@pytest.mark.usefixtures("here")
+def test_a_multirun_of_evolutions_ends_with_a_table():
+    words = ["-m", "ga.population=3,4", "seed=1,2", "hydra.sweep.dir=runs/evolve/many", *TINY[1:-1]]
+    assert "summary.csv" in done("evolve", *words).stdout
+    table = pd.read_csv("runs/evolve/many/summary.csv")
+    assert list(table.columns[-len(described := described_columns("summary.csv of evolve")) :]) == described
+    assert (list(table["ga.population"]), list(table.n)) == ([3, 4], [2, 2])
+    assert "summary.csv" in done("show", "runs/evolve/many").stdout
+    assert done("figure", "runs/evolve/many").stdout.split() == ["learning"]
+    assert Path(done("figure", "runs/evolve/many", "learning", "-f", "svg").stdout.strip()).is_file()
+    own = [epuckhebb.evolve(*TINY[1:-1], "ga.population=4", f"seed={seed}", progress=False) for seed in (1, 2)]
+    assert epuckhebb.compare({4: own}).best_fitness[0] == pytest.approx(table.best_fitness[1])
+
+
+def test_hours_to_success_are_a_median_over_all_evolutions():
+    def history(reached):
+        success = [0.5, 0.5, *([1.0, 1.0] if reached else [0.5, 0.5])]
+        return pd.DataFrame({"best_fitness": 0.8, "best_success": success, "robot_steps": 112_500})  # an hour each
+
+    few, most = (summary([({}, [history(number < reached) for number in range(8)])]).iloc[0] for reached in (3, 7))
+    assert (few.n_reached, most.n_reached, round(most.robot_hours, 9)) == (3, 7, 4)
+    assert np.isnan(few.hours_to_success)
+    assert most.hours_to_success == pytest.approx(3)
+    assert summary([({}, [history(False)])], fitness=0.8).hours_to_success[0] == pytest.approx(1)

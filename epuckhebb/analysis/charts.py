@@ -26,6 +26,9 @@ from epuckhebb.tmaze.individual import CONTROLS, GA
 from epuckhebb.tmaze.robot import EPUCK, Robot
 from epuckhebb.tmaze.samples import Samples
 
+_PANELS = 4  # side by side
+_CURVES = {"best_fitness": ("#0072B2", "-"), "mean_fitness": ("#E69F00", "--")}
+_CURVES["best_fitness_rule_off"] = ("#D55E00", ":")
 _WEIGHT_CHANGE = "weight change\n(mean of sum |W − W_gene|)"
 _NAMED = 8  # rates for whose names an axis has room
 _AS_NUMBER = StrMethodFormatter("{x:g}")  # 100, not 10 to the 2
@@ -140,13 +143,21 @@ def rates(doses: pd.DataFrame) -> Figure:
 
 @as_by_default()
 def learning_curves(histories: Mapping[str, list[pd.DataFrame]]) -> Figure:
-    """Best and mean fitness over the generations; for many evolutions, median and quartiles."""
-    figure = Figure(figsize=(5 * len(histories), 3.6), layout="constrained")
-    for axes, (experiment, runs) in zip(
-        figure.subplots(1, len(histories), squeeze=False)[0], histories.items(), strict=True
-    ):
-        for column, colour, line in (("best_fitness", "#0072B2", "-"), ("mean_fitness", "#E69F00", "--")):
-            values = np.array([run[column] for run in runs])
+    """Best and mean fitness over the generations, and the best without plasticity where it was measured.
+
+    For many evolutions these are median and quartiles.
+    """
+    columns = min(len(histories), _PANELS)
+    rows = -(-len(histories) // columns)
+    figure = Figure(figsize=(5 * columns, 3.6 * rows), layout="constrained")
+    panels = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes in panels[len(histories) :]:
+        axes.remove()
+    for axes, (experiment, runs) in zip(panels, histories.items(), strict=False):
+        for column, (colour, line) in _CURVES.items():
+            if column not in runs[0]:
+                continue
+            values = np.array([run[column][: min(map(len, runs))] for run in runs])
             low, middle, high = np.percentile(values, [25, 50, 75], axis=0)
             generation = np.arange(1, len(middle) + 1)
             axes.plot(generation, middle, color=colour, linestyle=line, label=column.replace("_", " "))

@@ -30,6 +30,10 @@ def run_command(
         from epuckhebb.studies.sweep import write_summary_of_multirun
 
         write_summary_of_multirun(runs[0].parent, runs)
+    if multirun and command == "evolve" and runs:
+        from epuckhebb.studies.evolutions import write_summary_of_evolutions
+
+        write_summary_of_evolutions(runs[0].parent, runs)
     if not options.cfg:
         print_runs(command, runs, options)
 

@@ -32,9 +32,11 @@ def _print_multirun(finished: list[Path], console: Console) -> None:
     """Print the tables over all runs of a multirun, or a line for each run, and where they are."""
     folder = finished[0].parent
     if Run(folder).has("summary.csv"):
+        from epuckhebb.studies.evolutions import Evolutions
         from epuckhebb.studies.sweep import Sweep  # studies take a while to load
 
-        results.print_study(Sweep, folder, console)
+        is_evolved = Run(finished[0]).provenance["command"] == "evolve"
+        results.print_study(Evolutions if is_evolved else Sweep, folder, console)
     else:
         for path in finished:
             print_line(console, f"{path.name}  {' '.join(Run(path).provenance['overrides'])}  {_in_short(path)}")
