@@ -1,0 +1,359 @@
+"""Evolve or adapt? Champions in changed worlds, evolved again or with plasticity; docs/plans.md has the plan.
+
+epuckhebb sweep examples/evolve_or_adapt.py:EvolveOrAdapt quick=true    a smoke test in three minutes
+epuckhebb sweep examples/evolve_or_adapt.py:EvolveOrAdapt               the study; again, it does the rest
+"""
+
+import functools
+from dataclasses import asdict, dataclass, field, replace
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+import epuckhebb
+from epuckhebb.analysis.evolutions import HOURS
+from epuckhebb.analysis.figures import tidy
+from epuckhebb.analysis.statistics import bootstrap, holm, mean, sign_flip, sign_flip_of_shares, wilson_by_champion
+from epuckhebb.analysis.tables import Table
+from epuckhebb.config import EvaluateConfig, EvolveConfig, load
+from epuckhebb.controller.network import PAPER_NETWORK
+from epuckhebb.runs import compile_for, prepare_evaluation, prepare_evolution
+from epuckhebb.store import load_genome
+from epuckhebb.tmaze.scenario import TRAINED
+
+CHAMPIONS = {  # the first thirty that solve both sides in training, in the order of the plan
+    "light": [*range(4, 12), 13, 14, 15, 18, 19, 20, 103, *range(106, 112), *range(113, 119), *range(122, 125)],
+    "obstacles": [1, 2, 3, 4, *range(6, 10), 11, 12, 14, *range(17, 21), *range(104, 111), *range(112, 115)]
+    + [116, 117, 118, 119, 120],
+}
+SEASONED = [4, 6, 7, 8, 9, 10, 11, 18]  # the first eight of the light experiment that `lowlight` breaks
+CHANGES = ["slip_left", "weak", "ir_low", "two_dead_ahead", "goals_nearer"]
+WORLDS = {
+    "light": ["lowlight", *(f"highlight+{change}" for change in CHANGES)],
+    "obstacles": [f"base+{change}" for change in ("4obstacles", "moved1", *CHANGES)],
+}
+EVOLUTIONS = {  # settings of `evolve` in the changed world
+    "from the champion": ["start=reference_{}"],
+    "from scratch": [],
+    "with rehearsal": ["start=reference_{}", "training=rehearsal"],
+}
+RULES = ("baldwin_n", "modulated")  # evolved for the champion in its training world
+DEVICES = {
+    "plain": [],
+    "immigrants": ["ga.immigrants=0.2"],
+    "hypermutation": ["ga.hypermutation=0.3"],
+    "memory": ["ga.memory=5"],
+}
+ALONE, PAPER, LATE, FIXED, NEVER, WITHIN = "GA", "Hebbian", "late", "champion", "never", "within a lifetime"
+WHO = ["experiment", "champion"]
+COMPARED = [  # what is compared, and two ways with their controllers
+    ("recovered", ("from the champion", ALONE), ("from scratch", ALONE)),
+    ("recovered", ("from the champion", ALONE), (FIXED, PAPER)),
+    ("recovered", ("with rehearsal", ALONE), ("from the champion", ALONE)),
+    ("retained", ("with rehearsal", ALONE), ("from the champion", ALONE)),
+    ("retained", ("from the champion", ALONE), (FIXED, ALONE)),
+]
+
+
+@dataclass(kw_only=True)
+class Counted(epuckhebb.GA):
+    """The genetic algorithm, whose log also has the share of steps that each lifetime was next to touching a wall."""
+
+    def tell(self, fitness, contact_fraction):
+        """See `Algorithm`."""
+        super().tell(fitness)
+
+
+@dataclass(kw_only=True)
+class EvolveOrAdapt(epuckhebb.Study):
+    """What it costs to evolve again when the world has changed, what plasticity saves, and what is forgotten."""
+
+    champions: int = 30
+    marks: list[int] = field(default_factory=lambda: [1, 2, 4, 8, 16])  # generations at which recovery is judged
+    rule_generations: int = 30
+    repeats: int = 10
+    season_champions: int = 8
+    periods: list[int] = field(default_factory=lambda: [1, 3, 8])
+    season_generations: int = 24
+    quick: bool = False
+
+    def __post_init__(self):
+        """Take the settings of a smoke test."""
+        if self.quick:
+            self.champions, self.marks, self.rule_generations, self.repeats = 2, [1, 2], 1, 3
+            self.season_champions, self.periods, self.season_generations = 2, [1], 3
+
+    def plan(self):
+        """A job for each champion of each experiment, and one for each in seasons."""
+        shared = {"marks": self.marks, "rule_generations": self.rule_generations, "repeats": self.repeats}
+        seasons = {"periods": self.periods, "generations": self.season_generations, "repeats": -(-self.repeats // 2)}
+        jobs = [
+            {"experiment": experiment, "champion": seed, "worlds": WORLDS[experiment][: 2 if self.quick else None]}
+            for experiment, seeds in CHAMPIONS.items()
+            for seed in seeds[: self.champions]
+        ]
+        turns = [{"experiment": "light", "champion": seed} for seed in SEASONED[: self.season_champions]]
+        return [job | shared for job in jobs] + [job | seasons for job in turns]
+
+    @classmethod
+    def do(cls, job):
+        """All worlds and ways of a champion, or its seasons."""
+        return _recover(job) if "worlds" in job else _seasons(job)
+
+    def tables(self, runs):
+        """All rows; shares of each way and world; tests; seasons and their tests."""
+        names = ("cases", "recovery", "seasons")
+        every = {
+            name: pd.concat([run.table(f"{name}.csv") for run in runs if run.has(f"{name}.csv")], ignore_index=True)
+            for name in names
+        }
+        recovery, seasons = every["recovery"], every["seasons"]
+        means = seasons.groupby(["device", "period", "controller", "champion"], sort=False).success.mean().reset_index()
+        return every | {
+            "half": _half(ways := _ways(recovery)),
+            "ways": ways,
+            "tests": _tests(recovery, max(self.marks)),
+            "periods": _periods(means),
+            "season_tests": _season_tests(means, str(self.periods[len(self.periods) // 2])),
+        }
+
+    @classmethod
+    def shown(cls, run):
+        """The shares over all worlds at the fixed generations, the hours to recover, and the tests."""
+        ways = run.table("ways.csv")
+        ways = ways[ways.world == "all"].drop(columns="world")
+        for name in ("recovered", "retained"):
+            ends = ways.pop(f"{name}_low"), ways.pop(f"{name}_high")
+            ways[name] = [f"{a:.2f} [{b:.2f}, {c:.2f}]" for a, b, c in zip(ways[name], *ends, strict=True)]
+        frames = {"Shares of all cases": ways.round(1)}
+        named = {"half": "Robot-hours until half have recovered", "tests": "Tests", "season_tests": "Tests, seasons"}
+        frames |= {title: run.table(f"{name}.csv").round(3) for name, title in named.items()}
+        return [Table(list(own), own.map(str).to_numpy().tolist(), title, 2) for title, own in frames.items()]
+
+    def figures(self, run):
+        """What is recovered and retained against robot-hours; success against the period of the seasons."""
+        ways, periods = run.table("ways.csv"), run.table("periods.csv")
+        return {"evolve_or_adapt": _curves(ways[ways.world == "all"]), "seasons": _season_curves(periods)}
+
+
+def _recover(job):
+    """Every way to cope with every world that breaks the champion."""
+    genome, home = load_genome(f"reference_{job['champion']}", job["experiment"]), TRAINED[job["experiment"]]
+    cases, rows, learners = [], [], {}
+    for world in job["worlds"]:
+        case = {"experiment": job["experiment"], "champion": job["champion"], "world": world}
+        is_case = not _solved(_shares(genome, world, 1, job["repeats"])).loc[ALONE]
+        cases.append(case | {"is_case": is_case})
+        if not is_case:
+            continue
+
+        def judge(way, own, *words, generation=0, hours=0.0, contacts=0.0, case=case):
+            there, back = (_solved(_shares(own, one, 2, job["repeats"], *words)) for one in (case["world"], home))
+            cost = {"generation": generation, "robot_hours": hours, "contact_hours": contacts}
+            for controller in there.index:
+                outcome = {"recovered": there[controller], "retained": back[controller]}
+                rows.append(case | {"way": way, "controller": controller} | cost | outcome)
+
+        judge(FIXED, genome, "compare=[late]")
+        for rule in RULES:
+            if rule not in learners:
+                words = [f"genome=reference_{job['champion']}", f"hebbian={rule}", "training=varied"]
+                *_, (prepared, last, *_) = _evolved(home, job["champion"], job["rule_generations"], *words)
+                learners[rule] = replace(genome, genes=last.champion, plan=prepared.plan)
+            judge(rule, learners[rule], f"hebbian={rule}")
+        for way, words in EVOLUTIONS.items():
+            named = [word.format(job["champion"]) for word in words]
+            for _, one, hours, contacts in _evolved(world, job["champion"], max(job["marks"]), *named):
+                done = one.number + 1
+                if done in job["marks"]:
+                    own = replace(genome, genes=one.champion)
+                    judge(way, own, generation=done, hours=hours, contacts=contacts)
+    columns = ["experiment", "champion", "world", "way", "controller", "generation", "robot_hours", "contact_hours"]
+    return {
+        "cases": pd.DataFrame(cases),
+        "recovery": pd.DataFrame(rows, columns=[*columns, "recovered", "retained"]),
+    }
+
+
+def _seasons(job):
+    """A champion whose world changes every so many generations: evolved with each device, and with plasticity."""
+    genome, worlds = load_genome(f"reference_{job['champion']}", "light"), ("lowlight", "highlight")
+    fixed = {world: _success(genome, world, job["repeats"]) for world in (*worlds, "highlight+light_changes")}
+    rows = []
+
+    def add(device, period, generation, success):
+        whole = {"champion": job["champion"], "device": device, "period": period, "generation": generation}
+        rows.extend(whole | {"controller": name, "success": share} for name, share in success.items())
+
+    add(FIXED, WITHIN, 0, fixed["highlight+light_changes"])
+    for period in (*job["periods"], NEVER):
+        words = [] if period == NEVER else ["training=seasons", f"training.season={period}"]
+        for device, own in DEVICES.items():
+            start = f"start=reference_{job['champion']}"
+            for _, one, *_ in _evolved("lowlight", job["champion"], job["generations"], start, *words, *own):
+                world = worlds[0 if period == NEVER else (one.number + 1) // period % 2]  # of the next generation
+                success = _success(replace(genome, genes=one.champion), world, job["repeats"])
+                add(device, str(period), one.number, success)
+                if device == "plain":
+                    add(FIXED, str(period), one.number, fixed[world])
+    return {"seasons": pd.DataFrame(rows)}
+
+
+def _evolved(world, champion, generations, *words):
+    """Evolve in a world; yields the preparation, each generation, and the robot-hours and hours of contact so far."""
+    scenario, *changes = world.split("+")
+    shared = [f"scenario={scenario}", f"change={changes}", f"seed={1000 + champion}", f"ga.generations={generations}"]
+    config = load(EvolveConfig, [*shared, *words])
+    config.algorithm = Counted(**asdict(config.algorithm))
+    prepared = prepare_evolution(config)
+    prepared.compile()
+    hours = contacts = 0.0
+    for generation in prepared.generations(1, quiet=True):
+        took = generation.robot_steps * HOURS
+        hours += took
+        contacts += took * generation.log[-1].measures["contact_fraction"].mean()
+        yield prepared, generation, hours, contacts
+
+
+@functools.cache
+def _evaluation(world, seed, repeats, *words):
+    """An evaluation in a world, with the paper's plasticity unless words say otherwise."""
+    scenario, *changes = world.split("+")
+    named = [f"scenario={scenario}", f"change={changes}", f"seed={seed}", f"repeats={repeats}"]
+    config = load(EvaluateConfig, [*named, "lifetime.record_every=0", *words])
+    compile_for(config.controllers, PAPER_NETWORK, config.world)
+    return config
+
+
+def _shares(genome, world, seed, repeats, *words):
+    """The share of lifetimes that succeed: a row for each controller, a column for each side."""
+    prepared = prepare_evaluation(_evaluation(world, seed, repeats, *words), genome)
+    rows, _ = prepared.run(prepared.remember(1), 1)
+    return pd.DataFrame(rows).groupby(["controller", "side"], sort=False).success.mean().unstack()
+
+
+def _solved(shares):
+    """Whether both sides succeed in more than half of the lifetimes, for each controller."""
+    return (shares > 0.5).all(axis=1)
+
+
+def _success(genome, world, repeats):
+    """The share of lifetimes that succeed, for each controller."""
+    return _shares(genome, world, 2, repeats).mean(axis=1).to_dict()
+
+
+def _ways(recovery):
+    """Shares recovered and retained in each world and in all, for each way, controller and fixed generation."""
+    rows = []
+    by = ["world", "way", "controller", "generation"]
+    for place, own in pd.concat([recovery.assign(world="all"), recovery]).groupby(by, sort=False):
+        row = dict(zip(by, place, strict=True)) | {"cases": len(own), **own[["robot_hours", "contact_hours"]].mean()}
+        for name in ("recovered", "retained"):
+            counts = own.groupby(WHO)[name].agg(["sum", "size"]).astype(int)
+            low, high = wilson_by_champion(counts["sum"].to_numpy(), counts["size"].to_numpy())
+            row |= {name: own[name].mean(), f"{name}_low": low, f"{name}_high": high}
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def _half(ways):
+    """The first fixed generation at which half of all cases have recovered, in robot-hours; nan if there is none."""
+    rows = [
+        {"way": way, "controller": controller, "robot_hours": own.robot_hours[own.recovered >= 0.5].min()}
+        for (way, controller), own in ways[ways.world == "all"].groupby(["way", "controller"], sort=False)
+    ]
+    return pd.DataFrame(rows)
+
+
+def _tests(recovery, last):
+    """The comparisons of the plan, after the last fixed generation; differences in cases, over champions."""
+    rows = []
+    at_end = recovery[recovery.generation.isin([0, last])].groupby(["way", "controller", *WHO])
+    for what, one, other in COMPARED:
+        sums, cases = at_end[what].sum().astype(int), at_end.size()
+        difference = (sums[one] - sums[other]).to_numpy()
+        low, high = bootstrap(mean, difference / cases[one].to_numpy())
+        row = {"what": what, "way": " + ".join(one), "other": " + ".join(other), "champions": len(difference)}
+        row |= {"difference": (difference / cases[one]).mean(), "difference_low": low, "difference_high": high}
+        rows.append(row | {"p": sign_flip(difference)})
+    return pd.DataFrame(rows).assign(p_holm=holm([row["p"] for row in rows]))
+
+
+def _periods(means):
+    """Mean success over champions with its interval, for each device, period and controller."""
+    rows = []
+    for place, own in means.groupby(["device", "period", "controller"], sort=False):
+        low, high = bootstrap(mean, own.success.to_numpy())
+        row = dict(zip(("device", "period", "controller"), place, strict=True)) | {"champions": len(own)}
+        rows.append(row | {"success": own.success.mean(), "success_low": low, "success_high": high})
+    return pd.DataFrame(rows)
+
+
+def _season_tests(means, period):
+    """Each device against the plain GA, and the plain GA against the champion with plasticity, at one period."""
+    own = means[means.period == period].set_index(["device", "controller", "champion"]).success.sort_index()
+    pairs = [((device, ALONE), ("plain", ALONE)) for device in list(DEVICES)[1:]]
+    pairs.append((("plain", ALONE), (FIXED, PAPER)))
+    rows = []
+    for one, other in pairs:
+        difference = (own[one] - own[other]).to_numpy()
+        row = {"way": " + ".join(one), "other": " + ".join(other), "period": period, "champions": len(difference)}
+        p = sign_flip_of_shares(difference) if len(difference) > 1 else 1.0
+        rows.append(row | {"difference": difference.mean(), "p": p})
+    return pd.DataFrame(rows).assign(p_holm=holm([row["p"] for row in rows]))
+
+
+_COLOURS = {"from the champion": "#0072B2", "from scratch": "#999999", "with rehearsal": "#009E73"}
+_POINTS = {(FIXED, ALONE): ("nothing", "x", "black"), (FIXED, PAPER): ("the paper's plasticity", "o", "#D55E00")}
+_POINTS |= {(FIXED, LATE): ("late", "s", "#E69F00"), ("baldwin_n", "baldwin_n"): ("baldwin_n", "^", "#CC79A7")}
+_POINTS |= {("modulated", "modulated"): ("modulated", "v", "#56B4E9")}
+
+
+def _curves(ways):
+    """Two panels, recovered and forgotten, against the robot-hours that were spent in the changed world."""
+    figure = Figure(figsize=(9, 4), layout="constrained")
+    titles = {
+        "recovered": "Recovered: solves the changed world",
+        "retained": "Not forgotten: still solves the training world",
+    }
+    for axes, (name, title) in zip(figure.subplots(1, 2, sharex=True, sharey=True), titles.items(), strict=True):
+        for (way, controller), own in ways.groupby(["way", "controller"], sort=False):
+            away = np.array([own[name] - own[f"{name}_low"], own[f"{name}_high"] - own[name]])
+            away = None if np.isnan(away).any() else away
+            if way in _COLOURS and controller == ALONE:
+                look = {"color": _COLOURS[way], "label": f"evolve {way}", "marker": "o", "capsize": 2}
+                axes.errorbar(own.robot_hours, own[name], away, **look)
+            elif (way, controller) in _POINTS:
+                label, marker, colour = _POINTS[way, controller]
+                axes.errorbar([0], own[name], away, fmt=marker, color=colour, label=label, capsize=2)
+        axes.set(title=title, xlabel="robot-hours in the changed world", ylim=(-0.03, 1.03))
+        axes.set_xscale("symlog", linthresh=5, base=2)
+        axes.set_xticks(ticks := sorted(ways.robot_hours.round(1).unique()), [f"{tick:g}" for tick in ticks])
+        tidy(axes, "y")
+    figure.axes[0].set_ylabel("share of cases")
+    handles = figure.axes[0].get_legend_handles_labels()
+    figure.legend(*handles, frameon=False, loc="outside lower center", ncols=4, fontsize=8)
+    figure.set_label("Time to recover, and what is forgotten: shares of the cases with 95 % intervals over champions")
+    return figure
+
+
+def _season_curves(periods):
+    """Success in the next generation's world against the period, a line for each device, alone and with plasticity."""
+    figure = Figure(figsize=(6.4, 4), layout="constrained")
+    axes = figure.subplots()
+    order = list(dict.fromkeys(periods.period))
+    for (device, controller), own in periods.groupby(["device", "controller"], sort=False):
+        if controller == PAPER and device not in (FIXED, "plain"):
+            continue
+        label = f"{device}, {'with plasticity' if controller == PAPER else 'alone'}"
+        line = "--" if controller == PAPER else "-"
+        axes.plot([order.index(period) for period in own.period], own.success, line, marker="o", label=label)
+    axes.set_xticks(range(len(order)), order)
+    axes.set(
+        xlabel="generations until the world changes (5 robot-hours each)", ylabel="success in the next", ylim=(0, 1)
+    )
+    tidy(axes, "y")
+    axes.legend(frameon=False, fontsize=8)
+    figure.set_label("When the world keeps changing: mean success of the fittest in the next generation's world")
+    return figure
