@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass, field, replace
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 import epuckhebb
 from epuckhebb.analysis.evolutions import HOURS
@@ -45,6 +46,11 @@ DEVICES = {
     "hypermutation": ["ga.hypermutation=0.3"],
     "memory": ["ga.memory=5"],
 }
+INHERITED = {  # settings of `evolve` with plasticity, and without it
+    "genes": ["hebbian=baldwin", "training.rule_off=true"],
+    "learnt weights": ["hebbian=baldwin", "training.rule_off=true", "training.lamarckian=true"],
+    "genes, without plasticity": [],
+}
 ALONE, PAPER, LATE, FIXED, NEVER, WITHIN = "GA", "Hebbian", "late", "champion", "never", "within a lifetime"
 WHO = ["experiment", "champion"]
 COMPARED = [  # what is compared, and two ways with their controllers
@@ -76,6 +82,8 @@ class EvolveOrAdapt(epuckhebb.Study):
     season_champions: int = 8
     periods: list[int] = field(default_factory=lambda: [1, 3, 8])
     season_generations: int = 24
+    innate_seeds: int = 10
+    innate_generations: int = 30
     quick: bool = False
 
     def __post_init__(self):
@@ -83,9 +91,10 @@ class EvolveOrAdapt(epuckhebb.Study):
         if self.quick:
             self.champions, self.marks, self.rule_generations, self.repeats = 2, [1, 2], 1, 3
             self.season_champions, self.periods, self.season_generations = 2, [1], 3
+            self.innate_seeds, self.innate_generations = 2, 3
 
     def plan(self):
-        """A job for each champion of each experiment, and one for each in seasons."""
+        """A job for each champion of each experiment, one for each in seasons, and one for each that becomes innate."""
         shared = {"marks": self.marks, "rule_generations": self.rule_generations, "repeats": self.repeats}
         seasons = {"periods": self.periods, "generations": self.season_generations, "repeats": -(-self.repeats // 2)}
         jobs = [
@@ -94,16 +103,21 @@ class EvolveOrAdapt(epuckhebb.Study):
             for seed in seeds[: self.champions]
         ]
         turns = [{"experiment": "light", "champion": seed} for seed in SEASONED[: self.season_champions]]
-        return [job | shared for job in jobs] + [job | seasons for job in turns]
+        innate = [
+            {"way": way, "seed": seed, "generations": self.innate_generations}
+            for way in INHERITED
+            for seed in range(401, 401 + self.innate_seeds)
+        ]
+        return [job | shared for job in jobs] + [job | seasons for job in turns] + innate
 
     @classmethod
     def do(cls, job):
-        """All worlds and ways of a champion, or its seasons."""
-        return _recover(job) if "worlds" in job else _seasons(job)
+        """All worlds and ways of a champion, or its seasons; or an evolution with plasticity, and with its rule off."""
+        return _recover(job) if "worlds" in job else _seasons(job) if "periods" in job else _innate(job)
 
     def tables(self, runs):
         """All rows; shares of each way and world; tests; seasons and their tests."""
-        names = ("cases", "recovery", "seasons")
+        names = ("cases", "recovery", "seasons", "innate")
         every = {
             name: pd.concat([run.table(f"{name}.csv") for run in runs if run.has(f"{name}.csv")], ignore_index=True)
             for name in names
@@ -116,6 +130,7 @@ class EvolveOrAdapt(epuckhebb.Study):
             "tests": _tests(recovery, max(self.marks)),
             "periods": _periods(means),
             "season_tests": _season_tests(means, str(self.periods[len(self.periods) // 2])),
+            "innate_tests": _innate_tests(every["innate"]),
         }
 
     @classmethod
@@ -127,14 +142,23 @@ class EvolveOrAdapt(epuckhebb.Study):
             ends = ways.pop(f"{name}_low"), ways.pop(f"{name}_high")
             ways[name] = [f"{a:.2f} [{b:.2f}, {c:.2f}]" for a, b, c in zip(ways[name], *ends, strict=True)]
         frames = {"Shares of all cases": ways.round(1)}
-        named = {"half": "Robot-hours until half have recovered", "tests": "Tests", "season_tests": "Tests, seasons"}
+        named = {
+            "half": "Robot-hours until half have recovered",
+            "tests": "Tests",
+            "season_tests": "Tests, seasons",
+            "innate_tests": "Rule off",
+        }
         frames |= {title: run.table(f"{name}.csv").round(3) for name, title in named.items()}
         return [Table(list(own), own.map(str).to_numpy().tolist(), title, 2) for title, own in frames.items()]
 
     def figures(self, run):
-        """What is recovered and retained against robot-hours; success against the period of the seasons."""
-        ways, periods = run.table("ways.csv"), run.table("periods.csv")
-        return {"evolve_or_adapt": _curves(ways[ways.world == "all"]), "seasons": _season_curves(periods)}
+        """What is recovered and retained against robot-hours; success in seasons; fitness with the rule off."""
+        ways = run.table("ways.csv")
+        return {
+            "evolve_or_adapt": _curves(ways[ways.world == "all"]),
+            "seasons": _season_curves(run.table("periods.csv")),
+            "innate": _innate_curves(run.table("innate.csv")),
+        }
 
 
 def _recover(job):
@@ -159,12 +183,12 @@ def _recover(job):
         for rule in RULES:
             if rule not in learners:
                 words = [f"genome=reference_{job['champion']}", f"hebbian={rule}", "training=varied"]
-                *_, (prepared, last, *_) = _evolved(home, job["champion"], job["rule_generations"], *words)
+                *_, (prepared, last, *_) = _evolved(home, 1000 + job["champion"], job["rule_generations"], *words)
                 learners[rule] = replace(genome, genes=last.champion, plan=prepared.plan)
             judge(rule, learners[rule], f"hebbian={rule}")
         for way, words in EVOLUTIONS.items():
             named = [word.format(job["champion"]) for word in words]
-            for _, one, hours, contacts in _evolved(world, job["champion"], max(job["marks"]), *named):
+            for _, one, hours, contacts in _evolved(world, 1000 + job["champion"], max(job["marks"]), *named):
                 done = one.number + 1
                 if done in job["marks"]:
                     own = replace(genome, genes=one.champion)
@@ -191,7 +215,7 @@ def _seasons(job):
         words = [] if period == NEVER else ["training=seasons", f"training.season={period}"]
         for device, own in DEVICES.items():
             start = f"start=reference_{job['champion']}"
-            for _, one, *_ in _evolved("lowlight", job["champion"], job["generations"], start, *words, *own):
+            for _, one, *_ in _evolved("lowlight", 1000 + job["champion"], job["generations"], start, *words, *own):
                 world = worlds[0 if period == NEVER else (one.number + 1) // period % 2]  # of the next generation
                 success = _success(replace(genome, genes=one.champion), world, job["repeats"])
                 add(device, str(period), one.number, success)
@@ -200,10 +224,21 @@ def _seasons(job):
     return {"seasons": pd.DataFrame(rows)}
 
 
-def _evolved(world, champion, generations, *words):
+def _innate(job):
+    """The best fitness of every generation, and the same with the rule off."""
+    words = ["training=varied", *INHERITED[job["way"]]]
+    rows = [
+        {"way": job["way"], "seed": job["seed"], "generation": one.number}
+        | {"best_fitness": one.fitness.max(), "rule_off": np.nan if one.rule_off is None else one.rule_off}
+        for _, one, *_ in _evolved("base", job["seed"], job["generations"], *words)
+    ]
+    return {"innate": pd.DataFrame(rows)}
+
+
+def _evolved(world, seed, generations, *words):
     """Evolve in a world; yields the preparation, each generation, and the robot-hours and hours of contact so far."""
     scenario, *changes = world.split("+")
-    shared = [f"scenario={scenario}", f"change={changes}", f"seed={1000 + champion}", f"ga.generations={generations}"]
+    shared = [f"scenario={scenario}", f"change={changes}", f"seed={seed}", f"ga.generations={generations}"]
     config = load(EvolveConfig, [*shared, *words])
     config.algorithm = Counted(**asdict(config.algorithm))
     prepared = prepare_evolution(config)
@@ -304,6 +339,19 @@ def _season_tests(means, period):
     return pd.DataFrame(rows).assign(p_holm=holm([row["p"] for row in rows]))
 
 
+def _innate_tests(innate):
+    """What the rule adds to the best fitness in the first and in the last third of the generations, over seeds."""
+    rows = []
+    for way, own in innate.dropna().assign(gap=innate.best_fitness - innate.rule_off).groupby("way", sort=False):
+        gaps = own.pivot_table(index="generation", columns="seed", values="gap")
+        third = -(-len(gaps) // 3)
+        first, last = gaps[:third].mean(), gaps[-third:].mean()
+        low, high = bootstrap(mean, (first - last).to_numpy())
+        row = {"way": way, "seeds": len(last), "first": first.mean(), "last": last.mean()}
+        rows.append(row | {"difference": (first - last).mean(), "difference_low": low, "difference_high": high})
+    return pd.DataFrame(rows)
+
+
 _COLOURS = {"from the champion": "#0072B2", "from scratch": "#999999", "with rehearsal": "#009E73"}
 _POINTS = {(FIXED, ALONE): ("nothing", "x", "black"), (FIXED, PAPER): ("the paper's plasticity", "o", "#D55E00")}
 _POINTS |= {(FIXED, LATE): ("late", "s", "#E69F00"), ("baldwin_n", "baldwin_n"): ("baldwin_n", "^", "#CC79A7")}
@@ -356,4 +404,20 @@ def _season_curves(periods):
     tidy(axes, "y")
     axes.legend(frameon=False, fontsize=8)
     figure.set_label("When the world keeps changing: mean success of the fittest in the next generation's world")
+    return figure
+
+
+def _innate_curves(innate):
+    """Best fitness over the generations, with plasticity (lines) and in the same lifetimes without it (dots)."""
+    figure = Figure(figsize=(6.4, 4), layout="constrained")
+    axes = figure.subplots()
+    for (way, own), colour in zip(innate.groupby("way", sort=False), _COLOURS.values(), strict=True):
+        means = own.groupby("generation")[["best_fitness", "rule_off"]].mean()
+        axes.plot(means.index + 1, means.best_fitness, color=colour, label=f"inherits {way}")
+        axes.plot(means.index + 1, means.rule_off, ":", color=colour)
+    axes.set(xlabel="generation", ylabel="best fitness (dots: its rule off)")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    tidy(axes, "y")
+    axes.legend(frameon=False, fontsize=8)
+    figure.set_label("Does it become innate? Best fitness with plasticity, and in the same lifetimes without it")
     return figure

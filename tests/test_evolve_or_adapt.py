@@ -21,8 +21,8 @@ def study(monkeypatch):
 
 def test_its_jobs_are_those_of_the_plan(study):
     jobs = study.EvolveOrAdapt().plan()
-    assert len(jobs) == 60 + 8
-    assert len(study.EvolveOrAdapt(quick=True).plan()) == 6
+    assert len(jobs) == 60 + 8 + 30
+    assert len(study.EvolveOrAdapt(quick=True).plan()) == 12
     assert all(job["marks"] == [1, 2, 4, 8, 16] for job in jobs[:60])
     for experiment, seeds in study.CHAMPIONS.items():
         assert [job["champion"] for job in jobs[:60] if job["experiment"] == experiment] == seeds
@@ -54,6 +54,17 @@ def test_its_tables_compare_ways_over_champions(study):
     assert len(study._curves(ways[ways.world == "all"]).axes) == 2
 
 
+def test_what_the_rule_adds_is_compared_between_thirds(study):
+    gaps = [0.3, 0.1, 0.0]
+    rows = [
+        {"way": "genes", "seed": seed, "generation": number, "best_fitness": 0.8, "rule_off": 0.8 - gap - 0.01 * seed}
+        for seed in range(8)
+        for number, gap in enumerate(gaps)
+    ]
+    (test,) = study._innate_tests(pd.DataFrame(rows)).to_dict("records")
+    assert (round(test["difference"], 9), test["seeds"]) == (0.3, 8)
+
+
 def test_a_job_judges_at_the_fixed_generations_alone(study):
     shared = {"marks": [1], "rule_generations": 1, "repeats": 1}
     job = {"experiment": "light", "champion": 6, "worlds": ["lowlight"], **shared}
@@ -66,4 +77,6 @@ def test_a_job_judges_at_the_fixed_generations_alone(study):
     seasons = {"experiment": "light", "champion": 6, "periods": [1], "generations": 2, "repeats": 1}
     rows = study.EvolveOrAdapt.do(seasons)["seasons"]
     assert set(rows.device) == {study.FIXED, *study.DEVICES}
+    innate = {"way": "learnt weights", "seed": 401, "generations": 1}
+    assert study.EvolveOrAdapt.do(innate)["innate"].notna().all(axis=None)
     assert set(rows.period) == {"1", study.NEVER, study.WITHIN}

@@ -82,7 +82,7 @@ class Algorithm(OwnClass, ABC):
 
     def begin_at(self, genes: Floats) -> None:  # noqa: ARG002  # others need it
         """Begin at these genes, (genes,), instead of random ones; called after `start`."""
-        raise ValueError("it cannot begin at a genome; leave out start")
+        raise ValueError("it has no method `begin_at`, which start=GENOME needs")
 
     def inherit(self, learnt: Floats) -> None:  # noqa: ARG002  # others need it
         """Let the individuals of the last `ask` have these weights, (individuals, weights); called before `tell`."""
