@@ -114,7 +114,7 @@ def slow(session: nox.Session) -> None:
 
 @nox.session(tags=["heavy"])
 def torture(session: nox.Session) -> None:
-    """Damage files, kill every verb, type nonsense, fill disks; another time: `nox -s torture -- --torture-seed 2`."""
+    """Bad files, parts and words, kills, full disks; another time: `nox -s torture -- --torture-seed 2`."""
     session.install(".", *group("tests"), STABLE)
     session.run("pytest", "-m", "torture", "tests/torture", *session.posargs)
 

@@ -25,6 +25,7 @@ __all__ = [
     "GA",
     "Adaptation",
     "ChangeSignal",
+    "Controller",
     "Coupling",
     "Evaluation",
     "Evolution",
@@ -53,6 +54,7 @@ if TYPE_CHECKING:
     from epuckhebb.adaptation.change_signal import ChangeSignal
     from epuckhebb.api import compare, evaluate, evolve, load, play, sweep
     from epuckhebb.api.results import Evaluation, Evolution, Live
+    from epuckhebb.controller.controller import Controller
     from epuckhebb.controller.evolved import Evolved
     from epuckhebb.controller.network import tanh
     from epuckhebb.controller.plasticity.rule import Rule
@@ -71,6 +73,7 @@ _FROM = {  # name -> where it is, if not in `api`
     "GA": "evolution.optimizers.ga",
     "Adaptation": "adaptation.adaptation",
     "ChangeSignal": "adaptation.change_signal",
+    "Controller": "controller.controller",
     "Coupling": "flock.coupling",
     "Evaluation": "api.results",
     "Evolution": "api.results",

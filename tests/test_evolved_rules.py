@@ -11,6 +11,7 @@ from cases import done, first_of, refused
 import epuckhebb
 from epuckhebb.controller import random
 from epuckhebb.controller.genome import plan_of
+from epuckhebb.controller.genotype import Genotype
 from epuckhebb.controller.network import PAPER_NETWORK, Network, by_layer
 from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, coefficients, modulatory_weights, schedule_of
 from epuckhebb.controller.plasticity.rules.abcd import ABCD
@@ -27,7 +28,7 @@ from epuckhebb.evolution.optimizers import ga as ga_module
 from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.store.genome import load_genome
 from epuckhebb.tmaze.individual import Controller
-from epuckhebb.tmaze.life import Genotype, Lifetime, workspace_for
+from epuckhebb.tmaze.life import Lifetime, workspace_for
 from epuckhebb.tmaze.robot import EPUCK
 from epuckhebb.tmaze.scenario import Scenario
 

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from epuckhebb.analysis import findings, published, report, rescue
+from epuckhebb.analysis import claims, findings, published, report, rescue
 from epuckhebb.analysis.statistics import (
     bootstrap,
     difference,
@@ -23,7 +23,6 @@ from epuckhebb.analysis.statistics import (
     performance_profile,
     permutation,
     sign_flip,
-    sign_flip_of_shares,
     wilson,
     wilson_by_champion,
 )
@@ -78,13 +77,6 @@ def test_sign_flip_agrees_with_scipy_and_is_exact_for_many():
 def test_sign_flip_wants_whole_trials():
     with pytest.raises(TypeError, match="float64"):
         sign_flip(np.array([0.5, 1.0]))
-
-
-def test_shares_of_trials_that_differ_in_number_are_flipped_too():
-    assert sign_flip_of_shares(np.array([0.5, 0.25, 1.0, math.nan, 0.1, 0.2, 0.3])) == pytest.approx(2 / 2**6)
-    many = np.random.default_rng(1).normal(0.3, 1, 40)
-    assert sign_flip_of_shares(many) == pytest.approx(stats.ttest_1samp(many, 0).pvalue, abs=0.02)
-    assert sign_flip_of_shares(np.zeros(3)) == 1.0
 
 
 def test_permutation_of_two_groups():
@@ -347,7 +339,7 @@ def paper():
 
 
 def test_claims_by_hand(paper):
-    found = findings.claims(EACH, published.published_values(paper)).set_index("claim")
+    found = claims.claims(EACH, published.published_values(paper)).set_index("claim")
     assert tuple(found.loc["4 obstacles defeat the GA", ["true", "n"]]) == (2, 3)
     assert tuple(found.loc["N = 1.5e-05 rescues it at 4", ["true", "n"]]) == (1, 2)
     assert tuple(found.loc["Weight change grows with obstacles", ["true", "n"]]) == (0, 4)
@@ -380,7 +372,7 @@ def trial_values(by_champion):
 def test_a_claim_with_a_size_is_judged_by_its_effect(changes, verdict):
     before = trial_values({f"c{k}": (50.0, math.nan) for k in range(len(changes))})
     after = trial_values({f"c{k}": (50 * (1 + change / 100), 70.0) for k, change in enumerate(changes)})
-    found = findings.effect(before, after, -10.0, before)
+    found = claims.effect(before, after, -10.0, before)
     assert found["verdict"] == verdict
     assert found["effect"] == pytest.approx(np.mean(changes))
     assert found["effect_absolute"] == pytest.approx(np.mean(changes) / 2)
@@ -389,7 +381,7 @@ def test_a_claim_with_a_size_is_judged_by_its_effect(changes, verdict):
 
 def test_sides_of_a_champion_are_one_piece_of_evidence():
     part, whole = np.array([2, 2, 0, 2, 2, 0, 2]), np.array([2, 2, 1, 2, 2, 2, 2])
-    row = findings.claim("", "", part, whole, control=part // 2)
+    row = claims.claim("", "", part, whole, control=part // 2)
     assert (row["true"], row["n"], row["champions"]) == (10, 13, 7)
     assert (row["low"], row["high"]) == wilson_by_champion(part, whole)
     assert width((row["low"], row["high"])) > width(wilson(10 / 13, 13))
@@ -409,7 +401,7 @@ def test_sides_of_a_champion_are_one_piece_of_evidence():
     ],
 )
 def test_verdicts(part, whole, verdict):
-    assert findings.claim("", "", np.array(part, int), np.array(whole, int))["verdict"] == verdict
+    assert claims.claim("", "", np.array(part, int), np.array(whole, int))["verdict"] == verdict
 
 
 @pytest.mark.parametrize(
@@ -423,20 +415,20 @@ def test_verdicts(part, whole, verdict):
     ],
 )
 def test_the_rule_is_as_it_is_printed(low, high, verdict):
-    assert findings.verdict(low, high, 7, 7) == verdict
+    assert claims.verdict(low, high, 7, 7) == verdict
 
 
 def test_every_claim_is_judged_by_the_one_rule(paper):
     light = EACH.assign(experiment="light", scenario=EACH.scenario.map({"base": "highlight", "4obstacles": "lowlight"}))
-    found = findings.claims(pd.concat([EACH, light[light.scenario.notna()]]), published.published_values(paper))
+    found = claims.claims(pd.concat([EACH, light[light.scenario.notna()]]), published.published_values(paper))
     assert len(found) == 13
     judged = found[~found.verdict.str.startswith("check") & found.paper_effect.isna()]
     rows = list(judged.itertuples())
-    assert [findings.verdict(row.low, row.high, row.n, row.champions) for row in rows] == list(judged.verdict)
+    assert [claims.verdict(row.low, row.high, row.n, row.champions) for row in rows] == list(judged.verdict)
 
 
 def test_showcase_is_the_likest_of_the_masters(paper):
-    assert findings.showcase(EACH, published.published_success(paper), "obstacles") == ("a", 8, 12)
+    assert claims.showcase(EACH, published.published_success(paper), "obstacles") == ("a", 8, 12)
 
 
 def test_published_values_are_the_papers(paper):

@@ -9,10 +9,10 @@ from cases import SHORT, SMALL_GA, call, done
 
 import epuckhebb
 from epuckhebb.config.compose import composed
+from epuckhebb.controller import genotype
 from epuckhebb.runs.evaluate import as_evolved
 from epuckhebb.store.genome import load_genome
 from epuckhebb.store.run import Run
-from epuckhebb.tmaze import session
 
 ONE_GENERATION = [*SMALL_GA, "ga.generations=1"]
 BRIEF = ["lifetime.duration_s=2", "lifetime.record_every=0", "repeats=1"]
@@ -24,7 +24,7 @@ def metrics(run):
 
 def test_weights_that_are_nan_fail_loudly(here, monkeypatch):
     """As a rule would make them; it takes a kernel of its own to do that, so the initial ones are."""
-    monkeypatch.setattr(session, "initial_weights_of", lambda genes: np.full_like(genes, np.nan))
+    monkeypatch.setattr(genotype, "initial_weights_of", lambda genes: np.full_like(genes, np.nan))
     result = call("evaluate", *BRIEF, "hydra.run.dir=out")
     assert result.exit_code == 1, result.output
     for text in ("left trial", "scenario base", "controller GA", "nan", "step"):

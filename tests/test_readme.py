@@ -12,7 +12,8 @@ import yaml
 from cases import done, first_of
 
 import epuckhebb
-from epuckhebb.analysis import findings, reproduction, rescue
+from epuckhebb.analysis import reproduction, rescue
+from epuckhebb.analysis.claims import claim
 from epuckhebb.tmaze.individual import GA, HEBBIAN
 from epuckhebb.tmaze.scenario import TRAINED
 
@@ -72,9 +73,9 @@ VERDICTS = [  # of the paper's claims; those on rescue with obstacles are of 110
 ]
 FINDINGS = [  # a sentence, and the counts that stand in it, each with the method that it is compared with
     (
-        "[When the reward changes sides](docs/reversal.md) within a lifetime, a controller needs memory, not "
-        "plasticity: **{}** feed-forward champions learn it with a rule that one neuron modulates, and {} without; "
-        "{} recurrent ones learn it without plasticity.",
+        "[When the reward changes sides](docs/reversal.md) within a lifetime, a controller needs memory, of "
+        "plasticity or of recurrence: **{}** feed-forward champions learn it with a rule that one neuron modulates, "
+        "and {} without; {} recurrent ones learn it without plasticity.",
         [("reversal/leaderboard", "solved", "champions", {"method": name}) for name in ("modulated", "ga", "ctrnn")],
     ),
     (
@@ -108,8 +109,8 @@ def of_many_champions():
         return [outcome.groupby("genome", sort=False).sum().to_numpy() for outcome in outcomes]
 
     rescued = by_champion(broken & here.Hebbian, broken, broken & here.shuffled)
-    yield {"experiment": OBSTACLES} | findings.claim("4 obstacles defeat the GA", "", *by_champion(broken, solved))
-    yield {"experiment": OBSTACLES} | findings.claim("N = 1.5e-05 rescues it at 4", "", *rescued)
+    yield {"experiment": OBSTACLES} | claim("4 obstacles defeat the GA", "", *by_champion(broken, solved))
+    yield {"experiment": OBSTACLES} | claim("N = 1.5e-05 rescues it at 4", "", *rescued)
 
 
 def share(table, part, whole, which):

@@ -181,3 +181,43 @@ def test_leaderboard(experiment):
     steps = np.maximum.accumulate(tests.to_numpy() * np.arange(len(tests), 0, -1)).clip(max=1)
     held = np.sort(pd.concat([board.p_holm, board.best_plain_p_holm]).dropna())
     assert held == pytest.approx(np.sort(steps))
+
+
+def test_outcomes_in_the_second_physics():
+    """In how many trials the plane and three dimensions agree, from the table of successes."""
+    rows = read("second_physics/successes").set_index(["scenario", "genome", "side"]).sort_index() > 1
+    for row in read("second_physics/agreement").itertuples():
+        plane, solid = (rows.loc[name, row.controller] for name in (row.scenario, f"{row.scenario}_3d"))
+        same = (plane == solid).groupby("genome").agg(["sum", "size"])
+        assert (row.successes_plane, row.successes_3d, row.same) == (plane.sum(), solid.sum(), same["sum"].sum())
+        assert (row.low, row.high) == pytest.approx(interval(same["sum"], same["size"]))
+
+
+def test_many_obstacles():
+    """The table and the p values of 110 champions on the page of results."""
+    page = (REFERENCE.parents[1] / "docs" / "results.md").read_text()
+    trials = read("many_obstacles/successes").set_index(["genome", "side"])
+    wins = {name: own.iloc[:, 1:] > 5 for name, own in trials.groupby("scenario")}
+    solved, p = wins["base"].GA, {"rescue": [], "harm": []}
+    for scenario in ("2obstacles", "4obstacles"):
+        here, cells = wins[scenario], []
+        for fate, whole in (("rescue", solved & ~here.GA), ("harm", solved & here.GA)):
+            counts = {name: whole & (here[name] == (fate == "rescue")) for name in ("Hebbian", "shuffled")}
+            own, others = (count.groupby("genome").sum() for count in counts.values())
+            total = whole.groupby("genome").sum()
+            for count in (own, others):
+                low, high = interval(count, total)
+                share = count.sum() / total.sum()
+                cells.append(f"{count.sum()} of {total.sum()}: {share:.2f} [{low:.2f}, {high:.2f}]")
+            sums = np.ones(1)  # the chance of each sum, if each champion's sign is drawn
+            for size in (own - others).abs():
+                sums = np.convolve(sums, np.eye(1, 2 * size + 1)[0] / 2 + np.eye(1, 2 * size + 1, 2 * size)[0] / 2)
+            distance = np.abs(np.arange(len(sums)) - len(sums) // 2)
+            p[fate].append(sums[distance >= abs((own - others).sum())].sum())
+        assert f"{(solved & ~here.GA).sum()} | {' | '.join(cells)} |" in page
+    every = [*p["rescue"], *p["harm"]]
+    order = np.argsort(every)
+    corrected = np.empty(4)
+    corrected[order] = np.maximum.accumulate(np.sort(every) * np.arange(4, 0, -1)).clip(max=1)
+    rescue, harm = (" and ".join(f"{value:.2f}" for value in pair) for pair in (corrected[:2], corrected[2:]))
+    assert f"rescue p = {rescue}, harm p = {harm}" in " ".join(page.split())

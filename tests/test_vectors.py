@@ -9,11 +9,12 @@ from cases import first_of
 from epuckhebb.controller.compiling import simd
 from epuckhebb.controller.compiling.kernel import kernel
 from epuckhebb.controller.forward_pass import forward_pass
+from epuckhebb.controller.genotype import Genotype
 from epuckhebb.controller.network import Network, tanh
 from epuckhebb.controller.own_class import stored
 from epuckhebb.controller.plasticity.rule import Rule
 from epuckhebb.controller.plasticity.update import StepContext, update_of
-from epuckhebb.tmaze.life import Genotype, workspace_for
+from epuckhebb.tmaze.life import workspace_for
 from epuckhebb.tmaze.robot import EPUCK
 
 SPARE = 8

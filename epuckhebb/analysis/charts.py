@@ -4,8 +4,7 @@ Colours are Okabe and Ito's, which colour-blind readers can distinguish; line st
 """
 
 import itertools
-from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 import pandas as pd
@@ -13,14 +12,13 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 from numpy.typing import NDArray
 
-from epuckhebb.analysis import leaderboard, rescue
+from epuckhebb.analysis import rescue
 from epuckhebb.analysis.figures import SIDE_COLOUR, plain, tidy
 from epuckhebb.analysis.image import as_by_default
-from epuckhebb.analysis.statistics import performance_profile
+from epuckhebb.analysis.statistics import LEAST
 from epuckhebb.controller.network import PAPER_NETWORK, Network, initial_weights_of
 from epuckhebb.tmaze.individual import CONTROLS, GA
 from epuckhebb.tmaze.robot import EPUCK, Robot
@@ -77,9 +75,8 @@ def dose_response(doses: pd.DataFrame, harm: pd.DataFrame, experiment: str, cham
     low_left.set_ylim(bottom=-0.02)
     low_left.yaxis.set_major_formatter(_AS_NUMBER)
     _rescue_and_harm(low_right, harm[harm.experiment == experiment], at)
-    figure.suptitle(
-        f"{experiment}: dose-response, mean over n = {champions} champions with 95 % bootstrap intervals", fontsize=11
-    )
+    intervals = " with 95 % intervals" if champions >= LEAST else ""
+    figure.suptitle(f"{experiment}: dose-response, mean over n = {champions} champions{intervals}", fontsize=11)
     return figure
 
 
@@ -137,7 +134,8 @@ def rates(doses: pd.DataFrame) -> Figure:
         if (own.weight_change_mean > 0).any():  # an adaptation may never act
             panels[1].set_yscale("log")
     figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
-    figure.suptitle(f"Dose-response, means with 95 % intervals (over {over})", fontsize=10)
+    intervals = " with 95 % intervals" if doses.success_low.notna().any() else ""
+    figure.suptitle(f"Dose-response, means{intervals} (over {over})", fontsize=10)
     return figure
 
 
@@ -277,103 +275,6 @@ def rescue_over_all(over_all: pd.DataFrame) -> Figure:
     handles = panels[-1].get_legend_handles_labels()
     drawn.legend(*handles, frameon=False, fontsize=8, loc="outside lower center", ncols=2)
     return drawn
-
-
-_KIND_COLOUR = {leaderboard.PLAIN: "#555555", leaderboard.EVOLVED: "#0072B2", leaderboard.POST_HOC: "#D55E00"}
-
-
-@as_by_default()
-def leaderboard_of(board: pd.DataFrame, champions: pd.DataFrame, limits: Mapping[str, Mapping[str, float]]) -> Figure:
-    """Two panels for each experiment: success of each method, and the difference to its matched control.
-
-    board, champions: the two tables of `analysis.leaderboard`. limits: for some experiments lines with their names,
-    such as chance and the optimum.
-    """
-    groups = list(board.groupby("experiment", sort=False))
-    heights = [0.27 * len(own) + 0.9 for _, own in groups]
-    drawn = Figure(figsize=(10.5, sum(heights) + 0.5), layout="constrained")
-    panels = drawn.subplots(len(groups), 2, squeeze=False, height_ratios=heights, width_ratios=(3, 2))
-    for (left, right), (experiment, own) in zip(panels, groups, strict=True):
-        for line, row in enumerate(own.itertuples()):
-            place = -line
-            colour = _KIND_COLOUR[str(row.kind)]
-            single = champions[(champions.experiment == experiment) & (champions.method == row.method)]
-            shares = single.successes / single.trials
-            left.scatter(shares, [place - 0.25] * len(shares), s=10, color=colour, alpha=0.45, linewidths=0)
-            _interval(left, place, colour, row.success, row.success_low, row.success_high)
-            if row.kind != leaderboard.PLAIN:
-                left.scatter([row.success_off], [place], s=26, marker="x", color=colour, linewidths=1.1)
-                left.scatter([row.success_inverted], [place], s=26, marker="v", color=colour, facecolor="none")
-                _interval(right, place, colour, row.difference, row.difference_low, row.difference_high)
-        left.set_yticks(-np.arange(len(own)), [plain(name) for name in own.method], fontsize=8)
-        for name, share in limits.get(str(experiment), {}).items():
-            left.axvline(share, color="black", linewidth=0.8, linestyle="--", zorder=0.5)
-            left.annotate(name, (share, 0.6), (2, -7), textcoords="offset points", fontsize=7)
-        left.set(xlim=(-0.02, 1.02), title=leaderboard.title(str(experiment)))
-        right.set(title="difference to the matched control")
-        right.axvline(0, color="black", linewidth=0.8)
-        right.tick_params(labelleft=False)
-        for axes in (left, right):
-            axes.set_ylim(0.6 - len(own), 0.6)
-            axes.title.set_fontsize(10)
-            tidy(axes, "x")
-        right.set_yticks(left.get_yticks())
-    panels[-1][0].set_xlabel("share of trials that succeed")
-    panels[-1][1].set_xlabel("difference of that share")
-    marks = [
-        Line2D([], [], color=colour, marker="o", linestyle="", markersize=5, label=leaderboard.KINDS[kind])
-        for kind, colour in _KIND_COLOUR.items()
-        if kind in set(board.kind)
-    ]
-    drawn.legend(handles=marks, frameon=False, fontsize=8, loc="outside lower center", ncols=len(marks))
-    return drawn
-
-
-def profiles(board: pd.DataFrame, champions: pd.DataFrame) -> Figure:
-    """The share of champions that exceed each success, of each method; see `leaderboard_of`."""
-    thresholds = np.linspace(0.0, 1.0, 401)
-
-    def curve(own: pd.DataFrame) -> tuple[Any, Any]:
-        return thresholds, performance_profile((own.successes / own.trials).to_numpy(float), thresholds)
-
-    drawn = _curves(board, champions, curve, drawstyle="steps-post")
-    for axes in drawn.axes:
-        axes.set(xlim=(0, 1), xlabel="success over the test worlds", ylabel="share of champions that exceed it")
-    return drawn
-
-
-def anytime(board: pd.DataFrame, course: pd.DataFrame) -> Figure:
-    """The success of each method against the robot-steps of its evolution. course: of `leaderboard.anytime`."""
-    tested = board[board.method.isin(course.method)]
-    drawn = _curves(tested, course, lambda own: (own.robot_steps / 1e6, own.success), marker="o", markersize=3)
-    for axes in drawn.axes:
-        axes.set(xscale="log", xlabel="million robot-steps of evolution", ylabel="success over the test worlds")
-    return drawn
-
-
-def _curves(
-    board: pd.DataFrame, rows: pd.DataFrame, curve: Callable[[pd.DataFrame], tuple[Any, Any]], **style: Any
-) -> Figure:
-    """A line for each method, a panel for each experiment; the best method of each kind has its name."""
-    groups = list(board[board.experiment.isin(rows.experiment)].groupby("experiment", sort=False))
-    drawn = Figure(figsize=(3.6 * len(groups) + 1.0, 3.6), layout="constrained")
-    for axes, (experiment, own) in zip(drawn.subplots(1, len(groups), squeeze=False)[0], groups, strict=True):
-        best = own.loc[own.groupby("kind").success.idxmax()].set_index("method").kind
-        for method in sorted(own.method, key=lambda name: name in best):
-            line = curve(rows[(rows.experiment == experiment) & (rows.method == method)])
-            axes.plot(*line, color="#bbbbbb", linewidth=0.8, **style)
-            if method in best:
-                axes.plot(*line, color=_KIND_COLOUR[best[method]], linewidth=2.0, label=plain(method), **style)
-        axes.set(ylim=(0, 1.02), title=leaderboard.title(str(experiment)))
-        axes.title.set_fontsize(10)
-        tidy(axes)
-        axes.legend(frameon=False, fontsize=8)
-    return drawn
-
-
-def _interval(axes: Axes, place: int, colour: str, value: float, low: float, high: float) -> None:
-    away = None if np.isnan(low) else [[value - low], [high - value]]
-    axes.errorbar([value], [place], xerr=away, fmt="o", color=colour, markersize=5, elinewidth=1.3)
 
 
 def _heights(count: int) -> NDArray[np.float64]:

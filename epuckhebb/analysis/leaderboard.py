@@ -37,11 +37,9 @@ REVERSAL = "reversal"  # the experiment that is not one of the paper's
 PLAIN, EVOLVED, POST_HOC = "plain", "evolved", "post_hoc"  # the kinds of methods
 KINDS = {PLAIN: "no plasticity", EVOLVED: "plasticity during evolution", POST_HOC: "added after evolution"}
 _OF_ROW = ("experiment", "method", "kind", "knowledge_class", "knowledge", "matched_control")
-_AGAINST = [
-    *("difference", "difference_low", "difference_high", "p"),
-    *("improvement", "improvement_low", "improvement_high"),
-]
-_BEST_PLAIN = [f"best_plain_{name}" for name in _AGAINST[:4]]
+_DIFFERENCE = ("difference", "difference_low", "difference_high", "p")
+_IMPROVEMENT = ("improvement", "improvement_low", "improvement_high")
+_BEST_PLAIN = [f"best_plain_{name}" for name in _DIFFERENCE]
 _SAME_BUDGET = 0.1  # robot-steps may differ by this share
 
 
@@ -111,6 +109,7 @@ def table(rows: Sequence[Row], champions: pd.DataFrame) -> pd.DataFrame:
     found = []
     for row in rows:
         own = _of(champions, row.experiment, row.method)
+        control = _of(champions, row.experiment, row.matched_control)
         solves = own[own.solves == 1]
         solved_low, solved_high = wilson_by_champion(own.solves.to_numpy(np.int64), np.ones(len(own), np.int64))
         shares = _shares(own)
@@ -130,7 +129,8 @@ def table(rows: Sequence[Row], champions: pd.DataFrame) -> pd.DataFrame:
                 "iqm_high": high,
                 "best": shares.max(),
                 **_success_of(solves, "retention"),
-                **_against(own, _of(champions, row.experiment, row.matched_control), paired=row.kind == POST_HOC),
+                **_difference(own, control, paired=row.kind == POST_HOC),
+                **_improvement(own, control),
                 "success_off": _share(own.successes_off, own.trials),
                 "success_inverted": _share(own.successes_inverted, own.trials),
                 "evolved_parameters": row.evolved_parameters,
@@ -160,7 +160,7 @@ def _with_best_plain(board: pd.DataFrame, champions: pd.DataFrame) -> pd.DataFra
             continue
         best = str(alike.method[alike.success.idxmax()])
         own, other = (_of(champions, str(row.experiment), name) for name in (str(row.method), best))
-        against = _against(own, other, paired=row.kind == POST_HOC and row.matched_control == best)
+        against = _difference(own, other, paired=row.kind == POST_HOC and row.matched_control == best)
         found.append({"best_plain": best} | {f"best_plain_{name}": value for name, value in against.items()})
     return board.join(pd.DataFrame(found, index=board.index, columns=["best_plain", *_BEST_PLAIN]))
 
@@ -198,14 +198,14 @@ def _shares(champions: pd.DataFrame) -> NDArray[np.float64]:
     return shares
 
 
-def _against(own: pd.DataFrame, others: pd.DataFrame, *, paired: bool) -> dict[str, float]:
-    """The difference in success to the champions of another method, and the probability that one exceeds theirs.
+def _difference(own: pd.DataFrame, others: pd.DataFrame, *, paired: bool) -> dict[str, float]:
+    """The difference in success to the champions of another method, its interval and its p value.
 
     paired: whether they are the same champions, by their seed. That champions which evolved apart have the same seed
     makes them no pair: they are two groups.
     """
     if others.empty:
-        return dict.fromkeys(_AGAINST, np.nan)
+        return dict.fromkeys(_DIFFERENCE, np.nan)
     ours, theirs = _shares(own), _shares(others)
     if paired:
         theirs = _shares(own[["seed"]].merge(others, on="seed", validate="one_to_one"))
@@ -214,8 +214,16 @@ def _against(own: pd.DataFrame, others: pd.DataFrame, *, paired: bool) -> dict[s
     else:
         low, high = bootstrap(difference, ours, theirs)
         p = permutation(own.successes.to_numpy(np.int64), others.successes.to_numpy(np.int64))
-    better = (float(improvement(ours, theirs)), *bootstrap(improvement, ours, theirs))
-    return dict(zip(_AGAINST, (float(ours.mean() - theirs.mean()), low, high, p, *better), strict=True))
+    return dict(zip(_DIFFERENCE, (float(ours.mean() - theirs.mean()), low, high, p), strict=True))
+
+
+def _improvement(own: pd.DataFrame, others: pd.DataFrame) -> dict[str, float]:
+    """The probability that a champion exceeds one of another method, with its interval."""
+    if others.empty:
+        return dict.fromkeys(_IMPROVEMENT, np.nan)
+    groups = _shares(own), _shares(others)
+    better = float(improvement(*groups)), *bootstrap(improvement, *groups)
+    return dict(zip(_IMPROVEMENT, better, strict=True))
 
 
 def readable(own: pd.DataFrame, worlds: pd.DataFrame, costs: pd.DataFrame | None = None) -> Table:

@@ -10,9 +10,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from epuckhebb.analysis import findings, published, rescue
+from epuckhebb.analysis import claims, findings, published, rescue
+from epuckhebb.analysis.claims import RULE
 from epuckhebb.analysis.evaluate import evaluate
-from epuckhebb.analysis.findings import PAPER_N, RULE
+from epuckhebb.analysis.findings import PAPER_N
 from epuckhebb.analysis.statistics import holm
 from epuckhebb.analysis.tables import NEW_LINE, Table, code, pictures, unmarked
 from epuckhebb.controller.plasticity.control import Sign
@@ -131,7 +132,7 @@ def tables_of(metrics: pd.DataFrame, paper: Mapping[str, Any]) -> dict[str, pd.D
     return {
         "metrics": metrics,
         "trials": each,
-        "claims": findings.claims(each, published.published_values(paper)),
+        "claims": claims.claims(each, published.published_values(paper)),
         "success": findings.success(each),
         "rescue_and_harm": findings.rescue_and_harm(each),
         "retention": findings.retention(findings.rescue_by_champion(each)),
@@ -141,9 +142,9 @@ def tables_of(metrics: pd.DataFrame, paper: Mapping[str, Any]) -> dict[str, pd.D
 
 
 def showcases(each: pd.DataFrame, paper: Mapping[str, Any]) -> dict[str, tuple[str, int, int]]:
-    """The showcase of each experiment; see `findings.showcase`. each: the trials. paper: the published tables."""
+    """The showcase of each experiment; see `claims.showcase`. each: the trials. paper: the published tables."""
     success = published.published_success(paper)
-    return {one: findings.showcase(each, success, one) for one in each.experiment.unique()}
+    return {one: claims.showcase(each, success, one) for one in each.experiment.unique()}
 
 
 def figures_of(
@@ -211,11 +212,11 @@ def figures_of(
     return made
 
 
-def claims_table(claims: pd.DataFrame) -> Table:
+def claims_table(table: pd.DataFrame) -> Table:
     """The claims with their verdicts, the control beside each, and which trials count."""
     rows = [
         [row.experiment, row.claim, f"**{row.verdict}**", f"{row.true} of {row.n}", *_of_claim(row), row.counted]
-        for row in claims.itertuples()
+        for row in table.itertuples()
     ]
     head = ["experiment", "claim", "verdict", "true in", "share, or effect (the paper's)", "with shuffled signs"]
     return Table([*head, "which trials: what counts"], rows, "The paper's claims")

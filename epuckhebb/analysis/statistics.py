@@ -121,22 +121,6 @@ def sign_flip(differences: NDArray[np.int64]) -> float:
     return sum(count for total, count in ways.items() if abs(total) >= observed) / ways.total()
 
 
-def sign_flip_of_shares(differences: NDArray[np.float64]) -> float:
-    """Two-sided p value of paired differences of shares, one a champion, whose trials differ in number.
-
-    The test is `sign_flip`'s. It is exact for up to sixteen champions, and otherwise from 99,999 choices of signs.
-    """
-    from scipy import stats
-
-    known = differences[~np.isnan(differences)]
-    if not known.any():
-        return 1.0
-    test = stats.permutation_test(
-        (known,), np.mean, permutation_type="samples", n_resamples=99_999, random_state=random.rng(0, Stream.bootstrap)
-    )
-    return float(test.pvalue)
-
-
 def permutation(ours: NDArray[np.int64], others: NDArray[np.int64]) -> float:
     """Exact two-sided p value of the difference in mean of two groups of champions that have nothing in common.
 

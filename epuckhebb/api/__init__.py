@@ -19,8 +19,8 @@ from epuckhebb.analysis.lifetimes import Evaluated, gather
 from epuckhebb.api.results import Evaluation, Evolution, Live
 from epuckhebb.config import (
     EvaluateConfig,
-    EvolveConfig,
     controller_of,
+    load_any,
     network_for,
     overrides_of,
     quoted,
@@ -126,7 +126,7 @@ def evolve(*overrides: str, config_dir: str | Path | None = None, progress: bool
         The champion of the last generation, and the rows of `history.csv`.
     """
     be_quiet(not progress)
-    config = load_config(EvolveConfig, overrides_of(overrides, keys), _folder(config_dir))
+    config = load_any("evolve", overrides_of(overrides, keys), _folder(config_dir))
     prepared = prepare_evolution(config)
     prepared.compile()
     generations = list(prepared.generations(thread_count(config.threads)))

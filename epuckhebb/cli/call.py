@@ -15,14 +15,15 @@ def run_command(
     command: str, job: Callable[..., None], prepare: Callable[..., Any], words: list[str], options: RunOptions
 ) -> None:
     """Let Hydra run a command, and print the results."""
-    from epuckhebb.config import check_words
+    from epuckhebb.config import check_words, configuration_of, with_environment
     from epuckhebb.runs import hydra
 
     multirun, config_dir = options.multirun, options.config_dir
     if multirun and options.cfg:
         raise ConfigError("--cfg shows the configuration of one job: leave out --multirun, and give each key one value")
     flags = [*(["--multirun"] if multirun else []), *(["--cfg", options.cfg] if options.cfg else [])]
-    check_words(command, words, several=multirun)
+    words = with_environment(words)
+    check_words(configuration_of(command, words), words, several=multirun)
     if not options.cfg:
         hydra.check(command, words, config_dir, prepare, multirun=multirun)
     runs = hydra.run(command, job, [*words, *flags], config_dir)

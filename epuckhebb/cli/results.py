@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.text import Text
 
-from epuckhebb.analysis import tables
+from epuckhebb.analysis import environments, tables
 from epuckhebb.analysis.evaluate import Rows
 from epuckhebb.analysis.tables import unmarked
 from epuckhebb.cli.console import print_line, print_table, print_text
@@ -22,6 +22,16 @@ _LISTED = 20  # jobs of a study that is not run
 def print_evaluation(run: Run, console: Console) -> None:
     """Print the paper's table of a run, or the rewarded share of each controller, and what belongs to it."""
     metrics, below = run.rows("metrics.csv"), run.provenance.get("notes", [])
+    if run.has("lifetime.csv"):
+        first, repeats = metrics[0], len({row["repeat"] for row in metrics})
+        change = first["change"] or "nothing changes"
+        title = (
+            f"{first['environment']}, {change}: genome {first['genome']}, {repeats} lifetimes (seed {first['seed']})"
+        )
+        _print(environments.readable(run.table("table.csv"), title), console)
+        for note in below:
+            print_line(console, note)
+        return
     if run.has("reversal.csv"):
         rows: list[tuple[str, ...]] = []
         for row in run.rows("reversal.csv"):
@@ -94,12 +104,16 @@ def print_results(path: Path, console: Console) -> None:
         print_line(console, f"Report: {path}/report.html")
 
 
+def _print(table: tables.Table, console: Console) -> None:
+    rows = [[unmarked(cell) for cell in row] for row in table.rows]
+    print_table(console, table.title, list(map(unmarked, table.headings)), rows, text=table.text)
+
+
 def print_study(study: "type[Study]", path: Path, console: Console) -> None:
     """Print the tables over all runs of a study or a multirun, and name its files."""
     run = Run(path)
     for table in study.shown(run):
-        rows = [[unmarked(cell) for cell in row] for row in table.rows]
-        print_table(console, table.title, list(map(unmarked, table.headings)), rows, text=table.text)
+        _print(table, console)
     for what, files in (("Tables", sorted(path.glob("*.csv"))), ("Figures", sorted(path.glob("figures/*.png")))):
         if files:
             print_line(console, f"{what}: {files[0].parent}/: {', '.join(file.name for file in files)}")

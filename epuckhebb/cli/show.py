@@ -118,6 +118,8 @@ def _in_short(path: Path) -> str:
         return f"rewarded share: {', '.join(shares)}"
     if not run.has("metrics.csv"):
         return "finished"
+    if run.has("lifetime.csv"):
+        return "return: " + ", ".join(f"{row['controller']} {row['return']:.0f}" for row in run.rows("table.csv"))
     table = tables.paper_table(run.rows("metrics.csv"))
     return "success: " + ", ".join(f"{name} {side} {means['Success']:.2f}" for (name, side), means in table.items())
 
@@ -158,16 +160,16 @@ def genomes_named(what: str) -> list[tuple[Genome, str]]:
 
 def print_champion(genome: Genome, console: Console) -> None:
     """What a champion is made of, and what it remembers of its training world."""
-    print_line(console, f"Genome: {genome.plan.text()}; network {genome.network}; robot {genome.robot}")
+    robot = "" if genome.environment else f"; robot {genome.robot}"
+    print_line(console, f"Genome: {genome.plan.text()}; network {genome.network}{robot}")
     if genome.optimizer:
         rule = f", with rule {genome.rule}" if genome.rule else ""
         task = f", for task {genome.task}" if genome.task else ""
         fitness = f", for fitness {genome.fitness_function}" if genome.fitness_function else ""
-        physics = f", in physics {genome.physics or PYMUNK.name}"
+        where = f"in training worlds {genome.training}, in physics {genome.physics or PYMUNK.name}"
+        where = f"in environment {genome.environment}" if genome.environment else where
         start = f" from {genome.start}" if genome.start else ""
-        line = (
-            f"Evolved by {genome.optimizer}{start}, in training worlds {genome.training}{physics}{rule}{task}{fitness}"
-        )
+        line = f"Evolved by {genome.optimizer}{start}, {where}{rule}{task}{fitness}"
         print_line(console, line)
     nominal = genome.nominal
     if nominal is None:

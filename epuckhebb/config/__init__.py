@@ -13,13 +13,15 @@ from epuckhebb.config.build import (
     with_controls,
 )
 from epuckhebb.config.changed import world_name
-from epuckhebb.config.compose import configurations, load, swept_values
+from epuckhebb.config.compose import configurations, load, load_any, swept_values
+from epuckhebb.config.environments import EnvironmentConfig, EvaluateEnvironment, EvolveEnvironment, environment_of_run
 from epuckhebb.config.errors import explain
 from epuckhebb.config.overrides import (
     RUN_DIR,
     SWEEP_DIR,
     alternatives,
     check_words,
+    configuration_of,
     overrides_of,
     quoted,
     readable,
@@ -27,6 +29,7 @@ from epuckhebb.config.overrides import (
     value_of,
     value_text,
     values_of,
+    with_environment,
     with_names_compared,
 )
 from epuckhebb.config.parts import KINDS, part_class, part_from, part_names
@@ -49,6 +52,7 @@ from epuckhebb.config.schema import (
     Plain,
     dump,
     register,
+    schema_of,
     typed,
 )
 from epuckhebb.config.stored import from_values, with_own_copies

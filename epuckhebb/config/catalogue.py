@@ -21,7 +21,7 @@ from omegaconf import DictConfig, OmegaConf, flag_override
 
 from epuckhebb.config import yaml_file
 from epuckhebb.config.errors import explain
-from epuckhebb.config.overrides import with_names_compared
+from epuckhebb.config.overrides import with_environment, with_names_compared
 from epuckhebb.config.schema import SCHEMAS, structured
 from epuckhebb.runtime import ConfigError, conf, data_folder
 
@@ -55,7 +55,7 @@ class Composed(NamedTuple):
 
 def by_hydra(command: str, overrides: list[str], config_dir: str | None) -> Composed:
     """A configuration as Hydra composes it."""
-    overrides = list(map(with_names_compared, overrides))
+    overrides = with_environment(map(with_names_compared, overrides))
     try:
         with catalogue(command, config_dir), initialize_config_dir(str(data_folder("conf")), version_base=VERSION_BASE):
             cfg = compose(command, overrides, return_hydra_config=True)

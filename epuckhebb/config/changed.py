@@ -115,5 +115,6 @@ def world_name(scenario: str, changed: str | None) -> str:
 
 def find_own_files(cfg: DictConfig) -> None:
     """Write down where the user's files are."""
-    for part, key, path, name in list(own_references({group: cfg[group] for group in PART_GROUPS if group in cfg})):
+    groups = (group for group in (*PART_GROUPS, "environment") if group in cfg)
+    for part, key, path, name in list(own_references({group: cfg[group] for group in groups})):
         part[key] = literal(f"{path.absolute()}:{name}")

@@ -3,15 +3,16 @@
 import functools
 import re
 from collections.abc import Iterable, Iterator
+from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config.catalogue import Composed, by_hydra
 from epuckhebb.config.errors import explain
-from epuckhebb.config.overrides import check_words, parsed
+from epuckhebb.config.overrides import OF_ENVIRONMENT, check_words, configuration_of, parsed, with_environment
 from epuckhebb.config.resolve import resolve
-from epuckhebb.config.schema import Config, Plain, plain, typed
+from epuckhebb.config.schema import SCHEMAS, Config, Plain, plain, typed
 from epuckhebb.config.stored import value_as_declared
 from epuckhebb.runtime import ConfigError
 
@@ -21,7 +22,15 @@ _REFERENCE = re.compile(rf"\$\{{[^}}]*\b({'|'.join(_ALONE)})\b")
 
 def load(schema: type[Config], overrides: list[str], config_dir: str | None = None) -> Config:
     """The checked configuration of a command, that of the schema: `conf/`, the user's folder and overrides as typed."""
+    if configuration_of(schema.command, overrides) != schema.command:
+        raise ConfigError(f"{' '.join(overrides)}: environments are for `epuckhebb evolve`, `evaluate` and `sweep`")
     return typed(composed(schema.command, overrides, config_dir), schema)
+
+
+def load_any(command: str, overrides: list[str], config_dir: str | None = None) -> Any:
+    """The same of `evolve` or `evaluate`, in the maze or in an environment."""
+    name = configuration_of(command, overrides)
+    return typed(composed(name, overrides, config_dir), SCHEMAS[name])
 
 
 def composed(command: str, overrides: list[str], config_dir: str | None = None) -> DictConfig:
@@ -31,6 +40,7 @@ def composed(command: str, overrides: list[str], config_dir: str | None = None) 
 
 def composed_with_hydra(command: str, overrides: list[str], config_dir: str | None) -> Composed:
     """The same, with what Hydra keeps for itself."""
+    overrides = with_environment(overrides)
     check_words(command, overrides)
     found = by_hydra(command, overrides, config_dir)
     resolve(command, found.cfg, found.choices, overrides, config_dir)
@@ -39,8 +49,9 @@ def composed_with_hydra(command: str, overrides: list[str], config_dir: str | No
 
 def swept_values(overrides: list[str], config_dir: str | None = None) -> dict[str, str]:
     """For each key the values that a named sweep of `evaluate` gives it; empty if the overrides name none."""
-    check_words("evaluate", overrides)
-    params = by_hydra("evaluate", overrides, config_dir).hydra.sweeper.params
+    name, overrides = configuration_of("evaluate", overrides), with_environment(overrides)
+    check_words(name, overrides)
+    params = by_hydra(name, overrides, config_dir).hydra.sweeper.params
     return {str(key): str(values) for key, values in (params or {}).items()}
 
 
@@ -69,8 +80,10 @@ def configurations(
         except OmegaConfBaseException as error:
             raise ConfigError(explain(error)) from error
 
+    # In an environment, rule and network are those of the genome's evolution.
+    keys = [key for key in _ALONE if key != "genome" or OF_ENVIRONMENT not in command]
     for overrides in jobs:
-        alone = [word for word in overrides if word.partition("=")[0] in _ALONE and "${" not in word]
+        alone = [word for word in overrides if word.partition("=")[0] in keys and "${" not in word]
         config, refers = shared(tuple(word for word in overrides if word not in alone))
         if refers:
             config = shared(tuple(overrides))[0]

@@ -21,12 +21,14 @@ from omegaconf.errors import OmegaConfBaseException
 from epuckhebb.adaptation.adaptation import NONE, Adaptation
 from epuckhebb.config.schema import OPEN, SCHEMAS
 from epuckhebb.controller.own_class import OwnClass
-from epuckhebb.runtime import ConfigError, conf, did_you_mean
+from epuckhebb.runtime import ConfigError, conf, data_folder, did_you_mean
 
 RUN_DIR, SWEEP_DIR = "hydra.run.dir=", "hydra.sweep.dir="
 _FORCED_DIR = re.compile(rf"^\+\+(?={RUN_DIR}|{SWEEP_DIR})")
 _PLAIN = re.compile(r"[A-Za-z0-9_./:%@+-]+")  # what needs no quotes as the value of an override
 _BELOW = tuple(f"{key}." for key in OPEN)  # the schema does not know what keys there are
+OF_ENVIRONMENT = "_environment"  # ends the names of the configurations that are not of the maze
+_ENVIRONMENT, _MAZE, ANY = "environment=", "tmaze", "gym"  # ANY: the row of environments without one of their own
 _MOST_JOBS = 100_000  # of one call
 
 
@@ -84,7 +86,9 @@ def check_words(command: str, words: Sequence[str], *, several: bool = False) ->
         if override.is_add() and key in choices:
             raise ConfigError(f"{line}: a choice of {key} is written without +")
         if key not in known and key not in choices and not key.startswith(("hydra.", "hydra/", *_BELOW)):
-            raise ConfigError(f"there is no key {key} of `epuckhebb {command}`{did_you_mean(key, known)}")
+            verb, _, is_of_environment = command.partition("_")
+            where = f"`epuckhebb {verb}`{' in an environment' if is_of_environment else ''}"
+            raise ConfigError(f"there is no key {key} of {where}{did_you_mean(key, known)}")
 
 
 @functools.cache
@@ -144,6 +148,37 @@ def alternatives(overrides: list[str]) -> dict[str, list[str]]:
         most = max(found, key=lambda key: len(found[key]))
         raise ConfigError(f"at most {_MOST_JOBS} jobs fit one call; give {most} fewer values")
     return found
+
+
+def configuration_of(command: str, words: Sequence[str]) -> str:
+    """The name of the configuration that these overrides are of: that of the maze, or that of environments."""
+    named = [word for word in words if word.startswith(_ENVIRONMENT)]
+    if command not in ("evolve", "evaluate") or not (named or _experiment_has_one(words)):
+        return command
+    values = [value_of(word) for word in next(iter(alternatives(named[-1:]).values()))] if named else []
+    if _MAZE in values and len(set(values)) > 1:
+        raise ConfigError(f"{named[-1]}: {_MAZE} has keys of its own; give it in a call of its own")
+    return command if _MAZE in values else f"{command}{OF_ENVIRONMENT}"
+
+
+def _experiment_has_one(words: Sequence[str]) -> bool:
+    names = [value_of(word) for word in words if word.startswith("experiment=")]
+    file = data_folder("conf") / "experiment" / f"{names[-1]}.yaml" if names else Path()
+    return file.is_file() and "override /environment:" in file.read_text(encoding="utf-8")
+
+
+def with_environment(words: Iterable[str]) -> list[str]:
+    """Overrides as Hydra has them: `environment=FILE.py:NAME` is an id, and `change` a key of an environment."""
+    words, result = list(words), list[str]()
+    is_maze = not any(word.startswith(_ENVIRONMENT) and word != f"{_ENVIRONMENT}{_MAZE}" for word in words)
+    for word in words:
+        if word.startswith("change=") and not is_maze:
+            result.append(f"environment.{word}")
+        elif word.startswith(_ENVIRONMENT) and ".py:" in word:
+            result += [f"{_ENVIRONMENT}{ANY}", f"environment.id={word.removeprefix(_ENVIRONMENT)}"]
+        elif word != f"{_ENVIRONMENT}{_MAZE}":
+            result.append(word)
+    return result
 
 
 def with_names_compared(argument: str) -> str:

@@ -117,7 +117,7 @@ def part_from(kind: str, settings: Mapping[str, Any], key: str) -> Any:
     which = KINDS[kind].key
     name, own = settings.get(which), {one: value for one, value in settings.items() if one != which}
     part = part_class(kind, name, key)
-    more = {"signal": Signal} if kind == "rule" else {}
+    more = {"signal": Signal} if kind == "rule" and own.get("signal") in list(Signal) else {}
     values = part_settings(part, own, key, f"{kind} {name}", **more)
     try:
         return part(**values)

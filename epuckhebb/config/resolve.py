@@ -14,7 +14,7 @@ from typing import Any
 from omegaconf import DictConfig, ListConfig, OmegaConf, flag_override
 from omegaconf.errors import OmegaConfBaseException
 
-from epuckhebb.config import yaml_file
+from epuckhebb.config import environments, yaml_file
 from epuckhebb.config.build import scenario_from
 from epuckhebb.config.catalogue import BROUGHT, NULL, by_hydra, changes, of_program
 from epuckhebb.config.changed import differences, find_own_files, usual_world
@@ -22,7 +22,6 @@ from epuckhebb.config.errors import explain
 from epuckhebb.config.overrides import literal
 from epuckhebb.config.parts import KINDS, NONE, PAPER, part_class, part_from
 from epuckhebb.config.schema import WorldConfig, plain
-from epuckhebb.controller.plasticity.rule import Rule
 from epuckhebb.controller.wiring import LAYERS
 from epuckhebb.runtime import ConfigError, conf, data_folder, path_of
 from epuckhebb.tmaze.individual import HEBBIAN
@@ -40,8 +39,12 @@ def resolve(
     """Complete a configuration as Hydra composed it; it is changed. choices: of each group."""
     with flag_override(cfg, ["struct", "readonly"], [False, False]):
         try:
+            if "environment" in cfg:  # first, since rows of rules refer to the maze
+                environments.complete(cfg, choices, overrides)
             find_own_files(cfg)
-            if "scenario" in cfg and cfg.get("changed") is None:
+            if "environment" in cfg:
+                _complete_classes(cfg)
+            elif "scenario" in cfg and cfg.get("changed") is None:
                 _resolve(command, cfg, dict(choices), overrides, config_dir)
         except OmegaConfBaseException as error:
             raise ConfigError(explain(error)) from error
@@ -117,8 +120,8 @@ def _named(word: str, config_dir: str | None) -> dict[str, Any]:
     return dict(values)
 
 
-def _complete_parts(cfg: DictConfig) -> None:
-    """Write down where changes by hand are, what sensors of the user's read, and what was left as it is in classes."""
+def _complete_classes(cfg: DictConfig) -> None:
+    """Write down what was left as it is in classes of parts."""
     for kind in ("rule", "fitness", "task", "wiring", "optimizer"):
         group, key = KINDS[kind].group, KINDS[kind].key
         part = str((cfg.get(group) or {}).get(key))
@@ -126,6 +129,11 @@ def _complete_parts(cfg: DictConfig) -> None:
             _write_defaults(cfg[group], kind, part, group)
     if cfg.network.get("wiring") != LAYERS and cfg.network.get("layers") is None:
         cfg.network.pop("layers", None)
+
+
+def _complete_parts(cfg: DictConfig) -> None:
+    """Write down where changes by hand are, what sensors of the user's read, and what was left as it is in classes."""
+    _complete_classes(cfg)
     sensors = cfg.robot.get("sensors")
     for number, settings in enumerate(sensors if isinstance(sensors, ListConfig) else ()):
         key = f"robot.sensors[{number}]"
@@ -138,8 +146,9 @@ def _complete_parts(cfg: DictConfig) -> None:
 
 
 def _write_defaults(settings: DictConfig, kind: str, part: str, key: str) -> None:
-    """Write down what a class has that was left as it is; what all rules have comes from the chosen row."""
-    shared = {field.name for field in fields(Rule)} if kind == "rule" else set()
+    """Write down what a class has that was left as it is, but for what all rules, or all wirings, have."""
+    base: Any = KINDS[kind].base
+    shared = {field.name for field in fields(base)} if kind in ("rule", "wiring") else set()
     for field in fields(part_class(kind, part, key)):
         if field.name not in {*shared, *settings} and isinstance(field.default, bool | int | float | str):
             settings[field.name] = field.default

@@ -110,6 +110,7 @@ class WorldConfig(Checked):
     with its maze and robot. shape: of the network; None if it was left open. wiring: the network's, if it has one.
     """
 
+    parallel: ClassVar[str] = "threads"  # the key that says how much runs at a time
     seed: int = within(0, default=1)
     threads: int = within(0, MOST_THREADS, default=0)
     figures: Figures = Figures.png
@@ -213,6 +214,11 @@ class EvolveConfig(WorldConfig):
 SCHEMAS: dict[str, Any] = {schema.command: schema for schema in (EvaluateConfig, EvolveConfig)}
 
 
+def schema_of(command: str, values: Plain) -> Any:
+    """The schema of the plain values of a run of `evolve` or `evaluate`: in the maze, or in an environment."""
+    return SCHEMAS[f"{command}_environment" if "environment" in values else command]
+
+
 def register(schema: type[Config]) -> type[Config]:
     """Take the schema of a command that is declared above this package: that of a study."""
     SCHEMAS[schema.command] = schema
@@ -228,11 +234,11 @@ def structured(command: str) -> DictConfig:
     """The schema of a command, into which Hydra merges the files. Making one takes longer than composing."""
     node: DictConfig = OmegaConf.structured(SCHEMAS[command])
     for key in _GROUPS:
-        if key in node:
+        if isinstance(node.get(key), DictConfig):
             OmegaConf.set_struct(node[key], False)  # Hydra takes any key below them, without a +
     if command == "flock":
         OmegaConf.set_struct(node.flock.own, False)
-    if command == EvolveConfig.command:
+    if "ga" in node:
         node.ga = None  # until group ga is chosen, which other optimizers than the GA undo
     return node
 

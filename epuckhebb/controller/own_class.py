@@ -15,8 +15,7 @@ from types import ModuleType
 from typing import Any, ClassVar, cast
 
 import numpy as np
-from numba import types
-from numba.core.errors import TypingError
+from numba import TypingError, types
 from numba.extending import overload
 from numpy.typing import NDArray
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.evolved import Evolved
 from epuckhebb.controller.own_class import OwnClass, PartError, stored
+from epuckhebb.controller.ranges import within
 
 MOST_SYNAPSES = 100_000  # more is surely a typing error
 LAYERS = "mlp"  # what a network without a wiring is called
@@ -47,8 +48,9 @@ NO_NEURONS = Neurons(np.zeros(0, [("nothing", np.float64)]), np.zeros((0, 0)))  
 class Wiring(OwnClass):
     """Neurons and the synapses that join them; subclasses add settings as fields, and a static method `neuron`.
 
-    sizes: how many neurons each group has. In a step, all neurons of a group receive their drives, and then respond.
-    The groups take turns. The last neurons of the last group, `outputs` of them, are the network's outputs.
+    outputs: how many outputs the network has; by default two, the wheels. sizes: how many neurons each group has. In a
+    step, all neurons of a group receive their drives, and then respond. The groups take turns. The last neurons of the
+    last group are the network's outputs.
     `synapses` joins neurons. `neuron`, compiled by numba, gives the activation of a neuron; outputs are clipped to -1
     and 1. Its arguments are any of these names, in any order:
 
@@ -70,7 +72,8 @@ class Wiring(OwnClass):
     state: ClassVar[Mapping[str, float]] = {}
     evolved: ClassVar[Mapping[str, Evolved]] = {}
     neuron: ClassVar[Callable[..., float] | None] = None
-    outputs: ClassVar[int] = 2
+
+    outputs: int = within(1, default=2)
 
     @property
     def sizes(self) -> tuple[int, ...]:

@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -59,6 +59,22 @@ class Generation:
     rule_off: float | None = None
 
 
+class Evaluator(Protocol):
+    """What runs the lifetimes of a population."""
+
+    @property
+    def lifetimes(self) -> int:
+        """How many lifetimes each individual runs in a generation."""
+
+    def evaluate(
+        self, population: Floats, generation: int, measures: Sequence[str] = ()
+    ) -> tuple[Floats, Floats, dict[str, Floats], int]:
+        """Mean fitness and success of each individual, measures by name, and the steps that were run."""
+
+    def rule_off(self, genes: Floats, generation: int) -> float | None:
+        """The fitness of an individual in the lifetimes of a generation, without plasticity; None if not asked for."""
+
+
 def evolve(
     optimizer: Algorithm,
     scenario: Scenario,
@@ -89,16 +105,34 @@ def evolve(
     """
     generations, loops = optimizer.schedule(training, lifetime)
     training.check(scenario, lifetime, loops)
-    learns = not isinstance(controller.rule, NoRule)
-    shared = optimizer.common_random_numbers or learns
+    shared = optimizer.common_random_numbers or not isinstance(controller.rule, NoRule)
     evaluator = _Evaluator(
         optimizer, loops, scenario, lifetime, training, seed, network, controller, threads, shared, origin
     )
-    plan = evolved_plan(network, controller.rule, given=given is not None)
+    yield from search_generations(
+        optimizer, evaluator, generations, seed, after, network=network, rule=controller.rule, given=given, start=start
+    )
+
+
+def search_generations(
+    optimizer: Algorithm,
+    evaluator: Evaluator,
+    generations: int,
+    seed: int,
+    after: Generation | None = None,
+    *,
+    network: Network,
+    rule: Rule,
+    given: Floats | None = None,
+    start: Floats | None = None,
+) -> Iterator[Generation]:
+    """The same with lifetimes in any world. evaluator: runs them."""
+    learns = not isinstance(rule, NoRule)
+    plan = evolved_plan(network, rule, given=given is not None)
     search = Search(optimizer, plan, seed, () if after is None else after.log, start)
 
     def whole(genes: Floats) -> Floats:
-        return with_given(genes, network, controller.rule, given)
+        return with_given(genes, network, rule, given)
 
     for number in range(0 if after is None else after.number + 1, generations):
         began = time.perf_counter()
@@ -107,14 +141,14 @@ def evolve(
         search.tell(fitness, measures)
         best = int(np.argmax(fitness))
         champion, champion_fitness = population[best], float(fitness[best])
-        rule_off = evaluator.rule_off(champion, number) if training.rule_off else None
+        rule_off = evaluator.rule_off(champion, number)
         candidates = whole(search.candidates())
         if learns and not optimizer.confirm:
             candidates = population[np.argsort(-fitness, kind="stable")[:CANDIDATES]]
         if number == generations - 1 and (optimizer.confirm or len(candidates) > 1):
             # Generation numbers after the last give fresh noise. These steps are in no row of the history: a row must
             # not depend on whether it is the last.
-            rounds = -(-max(optimizer.confirm, CONFIRM * learns) // (loops * len(_TRIALS)))
+            rounds = -(-max(optimizer.confirm, CONFIRM * learns) // evaluator.lifetimes)
             fresh = [evaluator.evaluate(candidates, generations + k)[0] for k in range(rounds)]
             confirmed = np.mean(fresh, axis=0)
             champion, champion_fitness = candidates[np.argmax(confirmed)], float(confirmed.max())
@@ -169,6 +203,11 @@ class _Evaluator(NamedTuple):
     shared: bool  # whether all individuals have the same starts and noise
     origin: Scenario | None
 
+    @property
+    def lifetimes(self) -> int:
+        """See `Evaluator`."""
+        return self.loops * len(_TRIALS)
+
     def evaluate(
         self, population: Floats, generation: int, measures: Sequence[str] = ()
     ) -> tuple[Floats, Floats, dict[str, Floats], int]:
@@ -201,8 +240,10 @@ class _Evaluator(NamedTuple):
             measured[LEARNT] = learnt / (self.loops * len(_TRIALS))
         return fitness, success, measured, robot_steps
 
-    def rule_off(self, genes: Floats, generation: int) -> float:
-        """The fitness of an individual in the lifetimes of a generation, without plasticity."""
+    def rule_off(self, genes: Floats, generation: int) -> float | None:
+        """See `Evaluator`."""
+        if not self.training.rule_off:
+            return None
         plan = plan_of(self.network, type(self.controller.rule))
         training = replace(self.training, lamarckian=False)
         alone = self._replace(controller=GA_ALONE, training=training)
@@ -239,12 +280,12 @@ class _Evaluator(NamedTuple):
 def history_row(generation: Generation) -> dict[str, Any]:
     """The row of `history.csv` for a generation."""
     best = int(np.argmax(generation.fitness))
+    successes = {"best_success": generation.success[best], "mean_success": generation.success.mean()}
     return {
         "generation": generation.number,
         "best_fitness": generation.fitness.max(),
         "mean_fitness": generation.fitness.mean(),
         "worst_fitness": generation.fitness.min(),
-        "best_success": generation.success[best],
-        "mean_success": generation.success.mean(),
+        **({} if np.isnan(generation.success).any() else successes),  # an environment knows no success
         "robot_steps": generation.robot_steps,
     } | ({} if generation.rule_off is None else {"best_fitness_rule_off": generation.rule_off})

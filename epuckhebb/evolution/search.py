@@ -105,7 +105,7 @@ class Search:
         """Genomes that a method of the optimizer gave, (rows, genes), as an array of their own."""
         optimizer: Any = self._settings
         genes = self._plan.genes
-        with suppress(TypeError, ValueError):
+        with suppress(TypeError, ValueError, OverflowError):
             genomes = np.array(given, np.float64)
             is_limited = isinstance(optimizer, Optimizer) and is_own(type(optimizer))
             limit = optimizer.limits(self._plan) if is_limited else math.inf

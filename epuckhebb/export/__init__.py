@@ -11,4 +11,5 @@ FIGURES = {  # of a run, and the file that each needs
     "network": "traces.npz",
     "reversal": "reversal.csv",
     "learning": "history.csv",
+    "lifetime": "lifetime.csv",
 }

@@ -7,7 +7,6 @@ from matplotlib.figure import Figure
 from epuckhebb.analysis import charts
 from epuckhebb.analysis.figures import maze, trajectories
 from epuckhebb.analysis.image import KINDS, image
-from epuckhebb.config import EvaluateConfig, EvolveConfig
 from epuckhebb.export import FIGURES
 from epuckhebb.export.replay import recording
 from epuckhebb.runs import config_of, figures
@@ -22,10 +21,12 @@ def _of_run(run: Run, name: str) -> Figure:
     """A figure of one run."""
     if name == "reversal":
         shares, trials = run.table("reversal.csv"), run.table("reversal_trials.csv")
-        return figures.reversal(config_of(run, EvaluateConfig), run.provenance["genome"], shares, trials)
+        return figures.reversal(config_of(run, "evaluate"), run.provenance["genome"], shares, trials)
+    if name == "lifetime":
+        return figures.lifetime(config_of(run, "evaluate"), run.provenance["genome"], run.table("lifetime.csv"))
     if name == "learning":
         optimizer = load_genome(str(run.path), "").optimizer  # an own one is not loaded with the settings
-        return figures.learning(config_of(run, EvolveConfig), optimizer, run.table("history.csv"))
+        return figures.learning(config_of(run, "evolve"), optimizer, run.table("history.csv"))
     shown = recording(run.path)
     traces, world = shown.traces, shown.config.world
     if name == "trajectories":

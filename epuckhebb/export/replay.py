@@ -11,7 +11,7 @@ from epuckhebb.analysis import replay as pages
 from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.config import EvaluateConfig
 from epuckhebb.controller.network import Network
-from epuckhebb.runs import caption, config_of
+from epuckhebb.runs import caption, config_of, film
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Run, read_traces, write_atomic
 from epuckhebb.studies.flock import replay_page
@@ -38,7 +38,7 @@ def recording(path: Path) -> Recording:
             f"{path} is of `epuckhebb {facts['command']}`, which records no lifetimes; give a run of `epuckhebb "
             f"evaluate`, for the champion of an evolution that of: epuckhebb evaluate genome={path}"
         )
-    config = config_of(run, EvaluateConfig)
+    config = config_of(run, "evaluate")
     if config.lifetime.record_every == 0:
         raise ConfigError(
             f"{path} recorded nothing to replay (lifetime.record_every=0); run it again with lifetime.record_every=8"
@@ -54,6 +54,12 @@ def replay(run: Path, page: Path | None = None, gif: Path | None = None) -> list
 
     page: written in the run's folder if no file is named.
     """
+    if Run(run).has("lifetime.csv"):
+        if page is not None:
+            raise ConfigError("a run in an environment is replayed as a GIF; give --gif FILE, or neither of both")
+        gif = gif or run / "replay.gif"
+        write_atomic(gif, film(config_of(Run(run), "evaluate")))
+        return [gif]
     page = page or (None if gif else run / "replay.html")
     if Run(run).has("flock.csv"):
         if page is None or gif:

@@ -64,7 +64,9 @@ def _genome_and_config(what: str) -> tuple[Genome, EvaluateConfig]:
     path = resolve_run(what)
     run = Run(path)
     if path.is_dir() and run.provenance["command"] == "evaluate":
-        config = config_of(run, EvaluateConfig)
+        config = config_of(run, "evaluate")
+        if not isinstance(config, EvaluateConfig):
+            raise ConfigError(f"{path} is of an environment; controllers for Webots are those of the maze")
         genome = load_genome(config.genome, config.world.experiment, config.shape)
         if genome.sha256 != run.provenance["genome_sha256"]:
             raise ConfigError(f"genome={config.genome} is not the genome of {path}; its SHA-256 differs")

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.errors import explained
 from epuckhebb.controller.compiling.kernel import compiled
+from epuckhebb.controller.genotype import Genotype
 from epuckhebb.controller.wiring import Neurons
 from epuckhebb.tmaze.individual import Individual
-from epuckhebb.tmaze.life import Genotype, Life, Lifetime, Setup
+from epuckhebb.tmaze.life import Life, Lifetime, Setup
 from epuckhebb.tmaze.maze import Pose, gap
 from epuckhebb.tmaze.outcome import Outcome
 from epuckhebb.tmaze.physics.pymunk import MOTION, PYMUNK, PymunkSpace

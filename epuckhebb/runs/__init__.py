@@ -6,6 +6,7 @@ fails raises `JobFailedError`.
 """
 
 from epuckhebb.runs import hydra
+from epuckhebb.runs.environments import film
 from epuckhebb.runs.evaluate import (
     PreparedEvaluation,
     as_evolved,

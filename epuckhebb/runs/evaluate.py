@@ -1,8 +1,9 @@
 """`epuckhebb evaluate`: runs the lifetimes of a genome in a scenario, and writes them into a run folder."""
 
 import copy
+import functools
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,10 +13,12 @@ from epuckhebb.adaptation.nominal import Nominal, measure_nominal
 from epuckhebb.analysis import tables
 from epuckhebb.analysis.evaluate import Rows, Traces, evaluate
 from epuckhebb.config import (
+    Checked,
     EvaluateConfig,
     alternatives,
     check_library,
     dump,
+    environment_of_run,
     hand,
     own_files,
     part_from,
@@ -29,7 +32,7 @@ from epuckhebb.config import training_world as world_of_training
 from epuckhebb.controller.compiling.sources import own_code
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import name_of
-from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, evolved_sizes
+from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, Rule, evolved_sizes
 from epuckhebb.controller.wiring import Wiring
 from epuckhebb.runs import hydra
 from epuckhebb.runs.notes import notes_of
@@ -106,6 +109,53 @@ class PreparedEvaluation:
         )
 
     @property
+    def notes(self) -> list[str]:
+        """What a reader must know beside the table."""
+        return notes_of(self.genome, self.config)
+
+    def compile(self) -> None:
+        """Load or compile what the lifetimes need."""
+        compile_for(self.config.controllers, self.genome.network, self.config.world)
+
+    def write(self, run: RunFolder, nominal: Nominal | None, threads: int) -> None:
+        """Run the lifetimes, and write their tables, their traces, and last their figures."""
+        config, genome, kind = self.config, self.genome, self.config.figures.value
+        if config.scenario.hand is not None:
+            run.write(hand.NAME, hand.content(config.scenario.hand))
+        metrics, traces = self.run(nominal, threads)
+        if config.world.task.has_trials:
+            import pandas as pd  # takes a while to load, as does all that draws
+
+            from epuckhebb.analysis import reversal
+
+            rows, trials = pd.DataFrame(metrics), pd.DataFrame(traces.trials)
+            shares = reversal.table(rows, trials, config.world.task, config.seed)
+            run.write("metrics.csv", rows)
+            run.write("reversal_trials.csv", trials)
+            run.write("reversal.csv", shares)
+            run.write("reversal.md", reversal.readable(shares).markdown())
+            if kind != "none":
+                from epuckhebb.analysis.image import image
+                from epuckhebb.runs import figures
+
+                run.write(
+                    f"figures/reversal.{kind}", image(figures.reversal(config, genome.name, shares, trials), kind)
+                )
+        else:
+            run.write("metrics.csv", metrics)
+            table, below = tables.paper_table(metrics), [*map(tables.plain, self.notes), tables.saturation(metrics)]
+            run.write("table.csv", tables.flat(table))
+            run.write("table.md", "\n".join([tables.to_markdown(table), *(f"{note}\n" for note in below if note)]))
+        if config.lifetime.record_every:
+            run.write("traces.npz", as_npz(traces_arrays(traces, genome.weights, genome.network)))
+            if kind != "none":
+                from epuckhebb.analysis.figures import trajectories
+                from epuckhebb.analysis.image import image
+
+                drawn = trajectories(traces, config.world, caption(config, genome.name))
+                run.write(f"figures/trajectories.{kind}", image(drawn, kind))
+
+    @property
     def lifetime_ids(self) -> dict[str, str]:
         """For each controller a digest of what its lifetimes depend on, besides side, repeat and seed."""
         config, genome = self.config, self.genome
@@ -136,27 +186,35 @@ def check_genome(genome: Genome, world: Scenario, shape: tuple[int, ...] | Wirin
         )
 
 
-def prepare_evaluation(config: EvaluateConfig, genome: Genome | None = None) -> PreparedEvaluation:
-    """Check that a genome, the one that the settings name unless given, fits robot, task, network and rules."""
-    check_library(config.world)
-    if genome is None:
-        genome = load_genome(config.genome, config.world.experiment, config.shape)
-    named = f"genome={genome.name}"
-    check_genome(genome, config.world, config.shape)
+def check_rules(genome: Genome, network: Network, rules: Iterable[tuple[str, Rule]]) -> None:
+    """Refuse rules, each with the name of its controller, that do not fit the genome."""
     sizes = {part.name: part.size for part in genome.plan.parts}
     initial_weights = InitialWeights.evolved if genome.weights.any() else InitialWeights.random
-    for controller in config.controllers:
-        rule, kind = controller.rule, type(controller.rule)
+    for name, rule in rules:
+        kind = type(rule)
         if isinstance(rule, NoRule):
             continue
-        missing = [name for name, size in evolved_sizes(kind, genome.network).items() if sizes.get(name) != size]
+        missing = [name for name, size in evolved_sizes(kind, network).items() if sizes.get(name) != size]
         is_other = genome.rule not in ("", name_of(kind)) or rule.initial_weights is not initial_weights
         if missing or (genome.plan.of_rule.parts and is_other):
             takes = f", takes {', '.join(missing)} from the genome" if missing else ""
             raise ConfigError(
-                f"{controller.name} has rule {name_of(kind)}{takes}, and {named} has {genome.plan.text()}. Give the "
+                f"{name} has rule {name_of(kind)}{takes}, and genome={genome.name} has {genome.plan.text()}. Give the "
                 f"rule of its evolution, {genome.rule or 'none'} with hebbian.initial_weights={initial_weights.name}"
             )
+
+
+@functools.singledispatch
+def prepare_evaluation(config: Any, genome: Genome | None = None) -> Any:
+    """Check that a genome, the one that the settings name unless given, fits robot, task, network and rules.
+
+    It gives a `PreparedEvaluation`, or one of its like.
+    """
+    check_library(config.world)
+    if genome is None:
+        genome = load_genome(config.genome, config.world.experiment, config.shape)
+    check_genome(genome, config.world, config.shape)
+    check_rules(genome, genome.network, [(controller.name, controller.rule) for controller in config.controllers])
     return PreparedEvaluation(config=config, genome=genome)
 
 
@@ -182,8 +240,11 @@ def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:
     A robot that has no file, a wiring of the user's own, and champions of several are left to `prepare_evaluation`.
     """
     named = [word for word in words if word.startswith("genome=")]
-    if not named:
+    if not named or any(word.startswith("environment=") for word in words):
         return words
+    environments = {str(settings["environment"]["name"]) for settings in map(_environment_of, named[-1:]) if settings}
+    if environments:
+        return [*words, f"environment={environments.pop()}"]
     (words_of,) = alternatives(named[-1:]).values()
     genomes: list[Genome] = []
     for word in words_of:
@@ -204,6 +265,11 @@ def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:
     return [*words, f"network.wiring={wiring}", *typed_as(own)]
 
 
+def _environment_of(word: str) -> dict[str, Any]:
+    (words,) = alternatives([word]).values()
+    return environment_of_run(value_of(words[0]))
+
+
 def compile_for(controllers: Sequence[Controller], network: Network, world: Scenario) -> None:
     """Load or compile what lifetimes with these controllers need."""
     try:
@@ -215,16 +281,13 @@ def compile_for(controllers: Sequence[Controller], network: Network, world: Scen
         raise ConfigError(str(error)) from error
 
 
-def evaluate_into(
-    path: Path, config: EvaluateConfig, overrides: list[str], facts: dict[str, Any], *, threads: int
-) -> None:
+def evaluate_into(path: Path, config: Checked, overrides: list[str], facts: dict[str, Any], *, threads: int) -> None:
     """Claim a folder and evaluate into it. overrides, facts: as for `RunFolder.new`.
 
     Tables are written before the figure is drawn. If it cannot be drawn, the run has failed, and keeps its tables.
     """
     prepared = prepare_evaluation(config)
-    genome, has_trials, kind = prepared.genome, config.world.task.has_trials, config.figures.value
-    notes = notes_of(genome, config)
+    genome, notes = prepared.genome, prepared.notes
     facts = {
         "seed": config.seed,
         "genome": genome.name,
@@ -234,43 +297,10 @@ def evaluate_into(
         **({"notes": notes} if notes else {}),
         **facts,
     }
-    compile_for(config.controllers, genome.network, config.world)
+    prepared.compile()
     nominal = prepared.remember(threads)
     with RunFolder.new(path, "evaluate", dump(config), overrides, facts, own_files(config.values)) as run:
-        if config.scenario.hand is not None:
-            run.write(hand.NAME, hand.content(config.scenario.hand))
-        metrics, traces = prepared.run(nominal, threads)
-        if has_trials:
-            import pandas as pd  # takes a while to load, as does all that draws
-
-            from epuckhebb.analysis import reversal
-
-            rows, trials = pd.DataFrame(metrics), pd.DataFrame(traces.trials)
-            shares = reversal.table(rows, trials, config.world.task, config.seed)
-            run.write("metrics.csv", rows)
-            run.write("reversal_trials.csv", trials)
-            run.write("reversal.csv", shares)
-            run.write("reversal.md", reversal.readable(shares).markdown())
-            if kind != "none":
-                from epuckhebb.analysis.image import image
-                from epuckhebb.runs import figures
-
-                run.write(
-                    f"figures/reversal.{kind}", image(figures.reversal(config, genome.name, shares, trials), kind)
-                )
-        else:
-            run.write("metrics.csv", metrics)
-            table, below = tables.paper_table(metrics), [*map(tables.plain, notes), tables.saturation(metrics)]
-            run.write("table.csv", tables.flat(table))
-            run.write("table.md", "\n".join([tables.to_markdown(table), *(f"{note}\n" for note in below if note)]))
-        if config.lifetime.record_every:
-            run.write("traces.npz", as_npz(traces_arrays(traces, genome.weights, genome.network)))
-            if kind != "none":
-                from epuckhebb.analysis.figures import trajectories
-                from epuckhebb.analysis.image import image
-
-                drawn = trajectories(traces, config.world, caption(config, genome.name))
-                run.write(f"figures/trajectories.{kind}", image(drawn, kind))
+        prepared.write(run, nominal, threads)
 
 
 def caption(config: EvaluateConfig, genome_name: str, controllers: Sequence[tuple[str, float]] | None = None) -> str:

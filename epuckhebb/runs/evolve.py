@@ -4,6 +4,7 @@ The checkpoint alone says how far an evolution is. `history.csv` and `champion.n
 be killed between any two files: resumed, it ends bit-identical.
 """
 
+import functools
 import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -22,6 +23,7 @@ from epuckhebb.config import (
     from_values,
     network_for,
     own_files,
+    schema_of,
     settings,
     training_world,
     values_of,
@@ -102,7 +104,7 @@ class PreparedEvolution:
         self, threads: int, after: Generation | None = None, *, quiet: bool = False
     ) -> Iterator[Generation]:
         """The generations of the evolution, from the first one or after one that has ended, beside a bar."""
-        config, done = self.config, after.number + 1 if after else 0
+        config = self.config
         found = evolve(
             config.algorithm,
             config.world,
@@ -117,12 +119,7 @@ class PreparedEvolution:
             start=self.start[1] if self.start else None,
             origin=self.origin,
         )
-        with bar("generation", config.schedule.generations, done, quiet=quiet) as shown:
-            for generation in found:
-                best, mean = generation.fitness.max(), generation.fitness.mean()
-                shown.set_postfix_str(f"best {best:.3f}  mean {mean:.3f}", refresh=False)
-                shown.update()
-                yield generation
+        yield from shown_in_bar(found, config.schedule.generations, after, quiet=quiet)
 
     def fittest(self, log: Sequence[Results], number: int) -> NDArray[np.float64]:
         """The fittest genome of a generation that has ended: the optimizer asks for it again, without a lifetime."""
@@ -133,6 +130,13 @@ class PreparedEvolution:
     def network_genes(self, champion: NDArray[np.float64]) -> NDArray[np.float64]:
         """The genes of a champion that are its network, without those of a rule."""
         return self.plan.pick(champion, self.plan.of_network)
+
+    def nominal(self, last: Generation, threads: int) -> Nominal | None:
+        """What a champion remembers of its training world; None of many trials, which have not one goal."""
+        if self.config.world.task.has_trials:
+            return None
+        genes = self.network_genes(last.champion)
+        return measure_nominal(genes, self.config.world, threads=threads, network=self.network)
 
     def champion(self, last: Generation, nominal: Nominal | None = None) -> bytes:
         """The `champion.npz` of a generation."""
@@ -158,8 +162,21 @@ class PreparedEvolution:
         return champion_file(genome, last.champion_fitness, config.seed, last.number)
 
 
-def prepare_evolution(config: EvolveConfig, *, has_genome: bool = True) -> PreparedEvolution:
-    """Check that the given weights fit, and that the optimizer starts.
+def shown_in_bar(
+    found: Iterator[Generation], count: int, after: Generation | None, *, quiet: bool
+) -> Iterator[Generation]:
+    """The same generations, beside a bar of so many."""
+    with bar("generation", count, after.number + 1 if after else 0, quiet=quiet) as shown:
+        for generation in found:
+            best, mean = generation.fitness.max(), generation.fitness.mean()
+            shown.set_postfix_str(f"best {best:.3f}  mean {mean:.3f}", refresh=False)
+            shown.update()
+            yield generation
+
+
+@functools.singledispatch
+def prepare_evolution(config: Any, *, has_genome: bool = True) -> Any:
+    """Check that the given weights fit, and that the optimizer starts; a `PreparedEvolution`, or one of its like.
 
     has_genome: whether the genome that the settings name exists yet; else nothing is read.
     """
@@ -249,11 +266,8 @@ def evolve_into(
             run.write(CHECKPOINT, after.as_bytes(settings_digest))
             _write_generation(run, after, prepared)
         assert after is not None  # there is at least one generation
-        last, nominal = after.generation, None
-        if not config.world.task.has_trials:  # a task of many trials has not one goal to compare with
-            genes = prepared.network_genes(last.champion)
-            nominal = measure_nominal(genes, config.world, threads=threads, network=prepared.network)
-        run.write(CHAMPION, prepared.champion(last, nominal))
+        last = after.generation
+        run.write(CHAMPION, prepared.champion(last, prepared.nominal(last, threads)))
         for name, table in last.tables.items():
             run.write(f"{name}.csv", table)
         kind = config.figures.value
@@ -297,7 +311,8 @@ def resume(arguments: list[str]) -> Path:
     if facts["command"] != "evolve":
         raise ConfigError(f"resume={path} is a run of `epuckhebb {facts['command']}`; only evolutions can be resumed")
     values = settings(path / CONFIG)  # the checkpoint knows whether it fits
-    before = from_values(values, EvolveConfig, str(path / CONFIG))
+    schema = schema_of("evolve", values)
+    before = from_values(values, schema, str(path / CONFIG))
     own, own_before = own_files(values), facts.get("own_code", {})
     for file, now in own.items():
         if str(file) not in own_before or now.copy != own_before[str(file)]["copy"]:
@@ -314,7 +329,7 @@ def resume(arguments: list[str]) -> Path:
             )
         group, _, last = key.rpartition(".")
         (values[group] if group else values)[last] = value
-    config = from_values(values, EvolveConfig, f"resume={path}")
+    config = from_values(values, schema, f"resume={path}")
     prepared = prepare_evolution(config)
     prepared.compile()
     after = Checkpoint.read(path, prepared.search, _digest(path, before))
@@ -339,7 +354,7 @@ def resume(arguments: list[str]) -> Path:
 
 def _changeable(config: EvolveConfig) -> tuple[str, ...]:
     """The keys that may be changed when an evolution is resumed; others would make it another evolution."""
-    return f"{config.algorithm.key}.generations", "threads", "figures"
+    return f"{config.algorithm.key}.generations", config.parallel, "figures"
 
 
 def _digest(path: Path, config: EvolveConfig) -> str:

@@ -3,8 +3,8 @@
 import pandas as pd
 from matplotlib.figure import Figure
 
-from epuckhebb.analysis import charts
-from epuckhebb.config import EvaluateConfig, EvolveConfig
+from epuckhebb.analysis import charts, environments
+from epuckhebb.config import EvaluateConfig, EvaluateEnvironment, EvolveConfig, EvolveEnvironment
 
 
 def reversal(config: EvaluateConfig, genome: str, shares: pd.DataFrame, trials: pd.DataFrame) -> Figure:
@@ -13,7 +13,14 @@ def reversal(config: EvaluateConfig, genome: str, shares: pd.DataFrame, trials: 
     return charts.reversal(shares, trials, title)
 
 
-def learning(config: EvolveConfig, optimizer: str, history: pd.DataFrame) -> Figure:
+def lifetime(config: EvaluateEnvironment, genome: str, course: pd.DataFrame) -> Figure:
+    """The reward over a lifetime in an environment."""
+    changes = [int(change["at"]) for change in config.environment.changes]
+    title = f"{config.world.name} · {config.change_text or 'nothing changes'} · genome {genome} · seed {config.seed}"
+    return environments.lifetime(course, title, changes)
+
+
+def learning(config: EvolveConfig | EvolveEnvironment, optimizer: str, history: pd.DataFrame) -> Figure:
     """Fitness over the generations of an evolution. optimizer: its name."""
     title = f"{config.world.name}, seed {config.seed}, {optimizer}"
     return charts.learning_curves({title: [history]})

@@ -22,12 +22,14 @@ from epuckhebb.config import (
     SCHEMAS,
     SWEEP_DIR,
     alternatives,
+    configuration_of,
     configurations,
     explain,
     from_values,
     swept_values,
     typed,
     value_of,
+    with_environment,
     with_names_compared,
     world_name,
 )
@@ -74,6 +76,7 @@ def check(
 
     prepare: a function that raises `ConfigError` if a checked configuration cannot be run.
     """
+    command = configuration_of(command, overrides)
     if not multirun:
         named = [override for override in overrides if override.startswith("experiment=")]
         if named and swept_values(overrides, config_dir):
@@ -94,19 +97,20 @@ def run(command: str, job: Callable[[Job], None], arguments: list[str], config_d
 
     Returns the folders of the runs, in the order of the jobs. config_dir: a folder with more configuration files.
     """
-    arguments = list(map(with_names_compared, arguments))
+    arguments = with_environment(map(with_names_compared, arguments))
     if not any(argument.startswith("-") for argument in arguments):
         return [_run_one(command, job, arguments, config_dir)]
-    task = functools.partial(_job_of_hydra, command, job)
+    name = configuration_of(command, arguments)
+    task = functools.partial(_job_of_hydra, name, job)
     if "--multirun" not in arguments:
-        call(command, task, arguments, config_dir)
+        call(name, task, arguments, config_dir)
         return []
     if useless := [argument for argument in arguments if argument.startswith(RUN_DIR)]:
         raise ConfigError(f"{useless[-1]} does nothing in a multirun; give {SWEEP_DIR}FOLDER")
     given = [value_of(argument) for argument in arguments if argument.startswith(SWEEP_DIR)]
     folder = Path(given[-1]) if given else Path("runs") / command / f"{new_stamp()}_multirun"
     check_folder_of_multirun(folder)
-    call(command, task, arguments if given else [f"{SWEEP_DIR}{folder}", *arguments], config_dir)
+    call(name, task, arguments if given else [f"{SWEEP_DIR}{folder}", *arguments], config_dir)
     return of_multirun(folder)
 
 
@@ -116,8 +120,9 @@ def _run_one(command: str, job: Callable[[Job], None], overrides: list[str], con
         is_hydras = override.lstrip("+~").startswith(("hydra.", "hydra/"))
         if is_hydras and not override.startswith((RUN_DIR, "hydra.searchpath=")):
             raise ConfigError(f"{override} does nothing in one run; give {RUN_DIR}FOLDER, or -m for many runs")
-    cfg, hydras, _ = composed_with_hydra(command, overrides, config_dir)
-    config = typed(cfg, SCHEMAS[command])
+    name = configuration_of(command, overrides)
+    cfg, hydras, _ = composed_with_hydra(name, overrides, config_dir)
+    config = typed(cfg, SCHEMAS[name])
     with flag_override(cfg, ["struct", "readonly"], [False, False]):
         cfg.hydra = hydras
         try:
@@ -132,7 +137,7 @@ def _run_one(command: str, job: Callable[[Job], None], overrides: list[str], con
 
 def _facts(command: str, overrides: list[str], config_dir: str | None) -> dict[str, Any]:
     """What `provenance.json` has of a job: the command line that does it alone."""
-    words = ["epuckhebb", command, *overrides]
+    words = ["epuckhebb", command.partition("_")[0], *overrides]
     if config_dir is not None:
         folder = Path(config_dir).absolute()
         words += ["--config-dir", str(folder.relative_to(Path.cwd()) if folder.is_relative_to(Path.cwd()) else folder)]
@@ -170,8 +175,9 @@ def _do(task: Callable[[Any], None], errors: list[Exception], parent: int, cfg: 
 
 def _begun(arguments: list[str]) -> set[Path]:
     """What jobs of a multirun have in its folder as soon as they begin, or as SLURM has them."""
-    folder = next((Path(value_of(word)) for word in reversed(arguments) if word.startswith(SWEEP_DIR)), Path())
-    return {path for one in ("*/.hydra", "*/*/.hydra", ".submitit/[0-9]*/") for path in folder.glob(one)}
+    folders = [Path(value_of(word)) for word in arguments if word.startswith(SWEEP_DIR)][-1:]  # the last counts
+    begun = ("*/.hydra", "*/*/.hydra", ".submitit/[0-9]*/")
+    return {path for folder in folders for pattern in begun for path in folder.glob(pattern)}
 
 
 def call(command: str, task: Callable[[Any], None], arguments: list[str], config_dir: str | None = None) -> None:
@@ -180,7 +186,7 @@ def call(command: str, task: Callable[[Any], None], arguments: list[str], config
     entry = hydra.main(config_path=str(data_folder("conf")), config_name=command, version_base=VERSION_BASE)(
         functools.partial(_do, task, errors, os.getpid())
     )
-    workers = _workers_of_ours() if "--multirun" in arguments else nullcontext()
+    workers = joblib_workers() if "--multirun" in arguments else nullcontext()
     before = _begun(arguments)
     with catalogue(command, config_dir), _as_command_line(command, arguments), workers:
         try:
@@ -230,7 +236,7 @@ def threads_of_job(threads: int) -> int:
 
 
 @contextmanager
-def _workers_of_ours() -> Iterator[None]:
+def joblib_workers() -> Iterator[None]:
     """Let each worker of joblib begin with `_begin`."""
     from joblib.parallel import BACKENDS, register_parallel_backend
 

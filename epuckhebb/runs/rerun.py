@@ -2,27 +2,25 @@
 
 from itertools import zip_longest
 from pathlib import Path
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 
-from epuckhebb.config import OWN_CODE, EvaluateConfig, EvolveConfig, from_values, hand, settings, with_own_copies
+from epuckhebb.config import OWN_CODE, from_values, hand, schema_of, settings, with_own_copies
 from epuckhebb.runs.evaluate import evaluate_into, prepare_evaluation
 from epuckhebb.runs.evolve import evolve_into, new_evolution, prepare_evolution
 from epuckhebb.runs.hydra import new_stamp
 from epuckhebb.runtime import ConfigError, say, thread_count
 from epuckhebb.store import SCIENCE, Run, load_genome, versions
 
-_Config = TypeVar("_Config", EvaluateConfig, EvolveConfig)
 
-
-def config_of(run: Run, kind: type[_Config]) -> _Config:
-    """The settings of a run, with its copies of the user's files, which are as the run wrote them."""
+def config_of(run: Run, command: str) -> Any:
+    """The settings of a run of a command, with its copies of the user's files, which are as the run wrote them."""
     for name in run.status.get("sha256", {}):
         if name == hand.NAME or name.startswith(f"{OWN_CODE}/"):
             run.content(name)
     values = with_own_copies(settings(run.config_file), run.path, run.provenance.get("own_code", {}))
-    return from_values(values, kind, str(run.path))
+    return from_values(values, schema_of(command, values), str(run.path))
 
 
 def repeat(path: Path) -> tuple[Path, str]:
@@ -43,7 +41,7 @@ def repeat(path: Path) -> tuple[Path, str]:
     new = Path("runs") / command / f"{new_stamp()}_rerun_of_{path.resolve().name}"
     more = {"command_line": ["epuckhebb", "rerun", str(path)], "rerun_of": str(path)}
     if command == "evaluate":
-        config = config_of(run, EvaluateConfig)
+        config = config_of(run, "evaluate")
         genome = prepare_evaluation(config).genome
         if genome.sha256 != facts["genome_sha256"]:
             raise ConfigError(
@@ -52,7 +50,7 @@ def repeat(path: Path) -> tuple[Path, str]:
             )
         evaluate_into(new, config, facts["overrides"], more, threads=thread_count(config.threads))
     else:
-        again = prepare_evolution(config_of(run, EvolveConfig))
+        again = prepare_evolution(config_of(run, "evolve"))
         again.compile()
         if again.given is not None and not np.array_equal(load_genome(str(path), "").network_genes, again.given):
             raise ConfigError(f"genome={again.config.genome} does not hold the weights with which {path} began")

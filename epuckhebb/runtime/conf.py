@@ -15,6 +15,7 @@ from epuckhebb.runtime.resources import data_folder
 TABLES = {  # groups of which the choices, or most of them, are the rows of one file
     "adaptation": "adaptations.yaml",
     "change": "changes.yaml",
+    "environment": "environments.yaml",
     "flock": "flocks.yaml",
     "ga": "genetic_algorithms.yaml",
     "hebbian": "rules.yaml",

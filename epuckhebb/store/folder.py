@@ -174,7 +174,7 @@ class RunFolder:
                     raise JobFailedError(f"{self.path / STATUS} cannot be written: {full.strerror}") from full
             elif is_interruption(error):
                 raise KeyboardInterrupt(self._interrupted()) from None
-            elif isinstance(error, Exception):
+            elif isinstance(error, Exception | SystemExit):  # a user's own part may even leave Python
                 with suppress(OSError):  # on a full disk the error itself matters
                     text = "".join(traceback.format_exception(error))
                     self._write_status("failed", error=str(error), traceback=text)

@@ -176,7 +176,7 @@ class Leaderboard(ChampionStudy):
 
     def figures(self, run: Run) -> dict[str, "Figure"]:
         """See `Study`."""
-        from epuckhebb.analysis import charts  # matplotlib takes a while to load
+        from epuckhebb.analysis import leaderboard_charts as charts  # matplotlib takes a while to load
 
         limits = {REVERSAL: Reversal().limits()}
         tables = run.table("leaderboard.csv"), run.table("champions.csv")

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
 
-from epuckhebb.analysis import summary
+from epuckhebb.analysis import environments, summary
 from epuckhebb.analysis.lifetimes import Evaluated, Gathered, gather, repeated
 from epuckhebb.analysis.tables import Table
 from epuckhebb.config import (
@@ -23,10 +23,13 @@ from epuckhebb.config import (
     Plain,
     alternatives,
     check_words,
+    configuration_of,
     configurations,
     from_values,
     own_sources,
+    schema_of,
     swept_values,
+    with_environment,
 )
 from epuckhebb.controller.ranges import check_values
 from epuckhebb.runs import evaluate_into, hydra, prepare_evaluation
@@ -60,7 +63,7 @@ class Sweep(Study):
     @classmethod
     def work(cls, path: Path, job: Plain, facts: dict[str, Any]) -> None:
         """See `Study`."""
-        config = from_values(job["config"], EvaluateConfig, f"job {path}")
+        config = from_values(job["config"], schema_of("evaluate", job["config"]), f"job {path}")
         evaluate_into(path, config, job["overrides"], facts, threads=hydra.threads_of_job(config.threads))
 
     @classmethod
@@ -86,7 +89,7 @@ class Sweep(Study):
         """Write `sweep.csv`, `failed.csv` and the tables over all; the same jobs give bit-identical files."""
         failed = [{**_place(job), **job.settings, "error": error} for job, error in outcome.failures]
         folder.write("failed.csv", pd.DataFrame(failed, columns=list(failed[0]) if failed else ["job", "run", "error"]))
-        gathered = gather([_evaluated(folder.path / job.run, job.settings, _place(job)) for job in outcome.done])
+        gathered = _gather([_evaluated(folder.path / job.run, job.settings, _place(job)) for job in outcome.done])
         folder.write("sweep.csv", gathered.rows)
         _write_over_all(folder.path, folder.write, gathered)
         folder.failure = planned.failure(outcome)
@@ -99,14 +102,17 @@ class Sweep(Study):
     def shown(cls, run: Run) -> list[Table]:
         """See `Study`."""
         files = {name: f"{name}.csv" for name in ("summary", "over_champions", "rescue_over_all")}
+        if "return" in (own := run.table("summary.csv")):
+            return [environments.readable(own, "Mean over champions, with 95 % intervals")]
         return summary.readable({name: run.table(file) for name, file in files.items() if run.has(file)})
 
 
 def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Planned:
     """List the jobs of a sweep, each composed and checked; two that would do the same are one."""
     own, of_hydra = split("sweep", arguments)
-    check_words("evaluate", arguments, several=True)
     named = [f"experiment={name}"]
+    command, own = configuration_of("evaluate", [*named, *own]), with_environment(own)
+    check_words(command, own, several=True)
     no_launcher = [word for word in of_hydra if not word.startswith("hydra.launcher.")]  # it is chosen for the jobs
     params = swept_values([*named, *no_launcher], config_dir)
     if not params:
@@ -114,7 +120,7 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Plan
     choices = alternatives([*(f"{key}={values}" for key, values in params.items()), *own])
     listed: dict[str, Job] = {}
     identities, again = Identities(), 0
-    for overrides, config in configurations("evaluate", named, itertools.product(*choices.values()), config_dir):
+    for overrides, config in configurations(command, named, itertools.product(*choices.values()), config_dir):
         run = identities.of(config)
         job = Job(number=len(listed), overrides=[*named, *overrides], run=run, config=config)
         again += listed.setdefault(run, job) is not job
@@ -134,6 +140,11 @@ class Identities:
 
     def of(self, config: Plain) -> str:
         """The name of the run of a configuration, from all that its results depend on at this moment."""
+        if "environment" in config:
+            genome = prepare_evaluation(from_values(config, schema_of("evaluate", config), "a job")).genome
+            environment = _without(config["environment"], ["processes"])
+            values = {**_without(config, NO_EFFECT), "environment": environment}
+            return f"job_{fingerprint(values, genome, own_sources(config))}"
         try:
             check_values(EvaluateConfig, config)
         except ValueError as error:
@@ -159,7 +170,7 @@ def write_summary_of_multirun(folder: Path, finished: Sequence[Path]) -> None:
         Job(number=number, overrides=Run(path).provenance["overrides"], run=path.name, config={})
         for number, path in enumerate(finished)
     ]
-    gathered = gather([_evaluated(folder / job.run, job.settings, {}) for job in jobs])
+    gathered = _gather([_evaluated(folder / job.run, job.settings, {}) for job in jobs])
     _write_over_all(folder, lambda name, content: write_atomic(folder / name, as_bytes(content)), gathered)
 
 
@@ -177,6 +188,9 @@ def figures(run: Run) -> dict[str, "Figure"]:
 def _write_over_all(folder: Path, write: Callable[[str, bytes | str | pd.DataFrame], None], gathered: Gathered) -> None:
     """Write the tables, the page and the figures over all lifetimes, and say what else a reader must know."""
     rows, settings = gathered.rows, gathered.settings
+    if "environment" in rows:
+        write("summary.csv", environments.table(rows, [*settings, *environments.CONDITION]))
+        return
     write("summary.csv", summary.summary(rows, settings))
     if gathered.repeated:
         say(gathered.repeated)
@@ -196,6 +210,11 @@ def _write_over_all(folder: Path, write: Callable[[str, bytes | str | pd.DataFra
 
         for name, figure in figures(Run(folder)).items():
             write(f"figures/{name}.png", image(figure))
+
+
+def _gather(evaluations: list[Evaluated]) -> Gathered:
+    is_of_environment = any("environment" in one.rows for one in evaluations)
+    return environments.gather(evaluations) if is_of_environment else gather(evaluations)
 
 
 def _evaluated(path: Path, settings: Mapping[str, str], place: Mapping[str, str]) -> Evaluated:

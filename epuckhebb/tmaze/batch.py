@@ -5,8 +5,10 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from epuckhebb.controller.compiling.errors import NotCompiledError
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import HIDDEN, Network
+from epuckhebb.controller.own_class import PartError
 from epuckhebb.controller.plasticity.rule import NoRule
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
@@ -15,7 +17,7 @@ from epuckhebb.tmaze.outcome import Outcome
 from epuckhebb.tmaze.robot import OUTPUTS, STEP_S
 from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.session import Session, own_parts
+from epuckhebb.tmaze.session import LostRobotError, Session, own_parts
 from epuckhebb.tmaze.simulator import Simulator
 
 _TRIED_S = 8.0  # of a lifetime that is run twice
@@ -59,7 +61,7 @@ def load_kernel(
 
     Raises:
         NotCompiledError: a part does not compile.
-        ValueError: a part of the user's own draws random numbers, or remembers earlier lifetimes.
+        ValueError: a part of the user's own fails, draws random numbers, or remembers earlier lifetimes.
     """
     world = scenario or Scenario()
     net = network or Network((world.inputs, *HIDDEN, OUTPUTS), world.task.gives_reward)
@@ -76,9 +78,14 @@ def load_kernel(
     own = own_parts(dummy, world)
     duration_s, gain = _TRIED_S if own else STEP_S, min(1.0, world.robot.motor_limit_rad_s)
     lifetime = Lifetime(duration_s=duration_s, gain_rad_s=gain, record_every=1)
-    first, *again = (run_lifetimes([dummy], world, lifetime)[0] for _ in range(2 if own else 1))
+    named = " or ".join(f"{part.KEY} ({part.what()})" for part in own)
+    try:
+        first, *again = (run_lifetimes([dummy], world, lifetime)[0] for _ in range(2 if own else 1))
+    except (Exception, SystemExit) as error:  # what a user's own part may raise has no end
+        if not own or isinstance(error, NotCompiledError | PartError | LostRobotError):
+            raise
+        raise ValueError(f"{named} failed: {type(error).__name__}: {error}") from error
     if again and _content(first) != _content(again[0]):
-        named = " or ".join(f"{part.KEY} ({part.what()})" for part in own)
         raise ValueError(
             f"{named} gives other results when the same lifetime is run again, so no run could be repeated: it draws "
             "random numbers of its own, or remembers earlier lifetimes"

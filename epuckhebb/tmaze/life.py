@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.genotype import Genotype
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.weight_change import weight_change_workspace
 from epuckhebb.controller.random import noise_workspace_size
 from epuckhebb.controller.ranges import check, within
-from epuckhebb.controller.wiring import NO_NEURONS, Neurons
+from epuckhebb.controller.wiring import Neurons
 from epuckhebb.tmaze.faults import Faults
 from epuckhebb.tmaze.fitness import History
 from epuckhebb.tmaze.light import Lights
@@ -120,24 +121,6 @@ def workspace_for(network: Network, robot: Robot, physics: Physics = PYMUNK) -> 
         change=np.empty(weight_change_workspace(network)),
         mean=np.empty(network.neurons),
     )
-
-
-class Genotype(NamedTuple):
-    """What a lifetime starts with and never changes.
-
-    weights: (synapses,), the genes. synapse_state: (synapses,) records, the initial state of each synapse.
-    coefficients: (names, synapses) from evolved parameters of the rule. modulatory: weights of its modulatory neuron,
-    if any. lengths: (neurons,) of each neuron's incoming weights, if the rule keeps them. signs: (synapses,) of the
-    updates. neurons: of a wiring.
-    """
-
-    weights: Floats
-    synapse_state: NDArray[np.void]
-    coefficients: Floats
-    modulatory: Floats
-    lengths: Floats
-    signs: Floats
-    neurons: Neurons = NO_NEURONS
 
 
 class Life(NamedTuple):

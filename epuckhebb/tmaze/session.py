@@ -10,27 +10,15 @@ import numpy as np
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.errors import explained
-from epuckhebb.controller.genome import NEURON, WEIGHTS
-from epuckhebb.controller.network import initial_weights_of
+from epuckhebb.controller.genotype import genotype_of
 from epuckhebb.controller.own_class import OwnClass, PartError, is_own
-from epuckhebb.controller.plasticity.rule import (
-    INITIAL_RANGE,
-    InitialWeights,
-    bound_of,
-    coefficients,
-    modulatory_weights,
-    values_of,
-)
-from epuckhebb.controller.plasticity.update import initial_lengths
-from epuckhebb.controller.random import Stream, rng
-from epuckhebb.controller.wiring import NO_NEURONS
+from epuckhebb.controller.plasticity.rule import bound_of
 from epuckhebb.tmaze import fitness
 from epuckhebb.tmaze.faults import initial_past
 from epuckhebb.tmaze.individual import Individual
 from epuckhebb.tmaze.life import (
     INITIAL_BYTES,
     TALLY,
-    Genotype,
     Life,
     Lifetime,
     Setup,
@@ -99,8 +87,8 @@ class Session:
 
     def _initial_life(self, world: Scenario) -> Life:
         """The lifetime before its first step; a ValueError if the individual's genes or signs do not fit."""
-        who, kind, gain_rad_s = self.individual, self._kind, self.lifetime.gain_rad_s
-        rule, network, wiring = who.controller.rule, who.network, who.network.wiring
+        who, kind = self.individual, self._kind
+        rule, network = who.controller.rule, who.network
         of_updates = kind.signs if who.signs is None else who.signs
         if of_updates is None or of_updates.shape != (network.synapses,):
             given = "none" if of_updates is None else of_updates.size
@@ -108,23 +96,16 @@ class Session:
                 "a rule with sign=shuffled needs Individual.signs, the signs of its updates: one for each of the "
                 f"{network.synapses} weights of network {network}, got {given}"
             )
-        parts = values_of(type(rule), network, kind.plan.split(np.ascontiguousarray(who.genes, float)))
-        inherited = parts[WEIGHTS]
-        if rule.initial_weights is InitialWeights.random:
-            inherited = rng(int(who.key), Stream.initial_weights).uniform(
-                -INITIAL_RANGE, INITIAL_RANGE, network.synapses
-            )
-        weights, neurons = initial_weights_of(inherited), NO_NEURONS
-        if wiring is not None:
-            neurons = wiring.initial({name: parts[NEURON + name] for name in wiring.evolved}, gain_rad_s, STEP_S)
-        genotype = Genotype(
-            weights,
-            kind.synapse_state,
-            coefficients(type(rule), network, parts),
-            modulatory_weights(type(rule), parts, rule.reward),
-            initial_lengths(rule, network, weights),
-            np.ascontiguousarray(of_updates, float),
-            neurons,
+        genotype = genotype_of(
+            who.genes,
+            kind.plan,
+            network,
+            rule,
+            int(who.key),
+            signs=of_updates,
+            synapse_state=kind.synapse_state,
+            gain_rad_s=self.lifetime.gain_rad_s,
+            step_s=STEP_S,
         )
         activation = np.zeros(network.neurons)
         activation[network.bias] = 1.0
@@ -132,14 +113,14 @@ class Session:
             genotype=genotype,
             key=np.uint64(who.key),
             tally=INITIAL_BYTES.copy().view(TALLY),
-            weights=weights.copy(),
+            weights=genotype.weights.copy(),
             synapse_state=kind.synapse_state.copy(),
             activation=activation,
             recent=np.zeros((rule.average, network.neurons)),
             adaptation=who.controller.adaptation.initial_state(world.robot),
             trials=world.task.initial_trials(who.side, who.task_key),
             score=world.fitness.initial_state(),
-            neurons=neurons._replace(state=neurons.state.copy()),
+            neurons=genotype.neurons._replace(state=genotype.neurons.state.copy()),
             workspace=kind.workspace,
             past=initial_past(world.robot),
         )

@@ -18,7 +18,7 @@ import numpy as np
 
 OWN_PACKAGE = "epuckhebb_own_"  # begins the names of the packages in which users' files are loaded
 _ROOT = Path(__file__).parents[2]
-_SCIENCE = ("controller", "tmaze", "adaptation", "flock")  # the packages that kernels are made of
+_SCIENCE = ("controller", "tmaze", "worlds", "adaptation", "flock")  # the packages that kernels are made of
 _OURS = {*sys.stdlib_module_names, "epuckhebb", "numpy"}
 _PLAIN = (bool, int, float, complex, str, bytes, tuple, list, dict)
 _INSTALLED = [

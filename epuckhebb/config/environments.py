@@ -1,0 +1,259 @@
+"""Configurations of `evolve` and `evaluate` in an environment of Gymnasium: their schemas, and what completes them.
+
+They have files of their own in `conf/`, so that keys of the maze are none of theirs, nor theirs of the maze.
+"""
+
+import functools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, ClassVar, NamedTuple
+
+from omegaconf import DictConfig, OmegaConf
+
+from epuckhebb.config import build, yaml_file
+from epuckhebb.config.overrides import ANY, OF_ENVIRONMENT, literal, parsed, value_text
+from epuckhebb.config.parts import NONE, Layers, part_from
+from epuckhebb.config.plugins import class_named, load
+from epuckhebb.config.schema import Checked, Figures, register
+from epuckhebb.controller.network import Network
+from epuckhebb.controller.plasticity.control import Sign
+from epuckhebb.controller.plasticity.rule import NoRule, Rule
+from epuckhebb.controller.ranges import check, within
+from epuckhebb.controller.wiring import LAYERS, Wiring
+from epuckhebb.evolution.evolve import evolved_plan
+from epuckhebb.evolution.optimizers.ga import GA
+from epuckhebb.evolution.training import UNVARIED
+from epuckhebb.runtime import ConfigError, conf, did_you_mean, path_of
+from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.worlds.changes import AT, FUNCTION
+from epuckhebb.worlds.environment import Environment, World
+
+SIGNAL = "reward"  # the live fitness in environments
+WITHOUT, FROZEN = "without plasticity", "frozen at the change"
+_INSTALL = 'pip install "epuckhebb[gym]"'
+_RATE = 0.002  # N of a rule whose row has that of the maze
+_AS_PAPERS = {"N": 0.05, "normalise": "largest"}  # of ABCD and its kin, as their programs do outside Bullet
+
+
+class Tested(NamedTuple):
+    """A controller of an evaluation: its name in tables, its rule, and whether its weights freeze at the change."""
+
+    name: str
+    rule: Rule
+    frozen: bool = False
+
+
+@dataclass(kw_only=True)
+class EnvironmentConfig(Checked):
+    """The keys that both commands have in common, and the world and the network that come of them."""
+
+    parallel: ClassVar[str] = "environment.processes"
+    seed: int = within(0, default=1)
+    figures: Figures = Figures.png
+    environment: Environment = field(default_factory=Environment)
+    network: dict[str, Any] = field(default_factory=dict)
+    hebbian: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Validate the settings."""
+        check(self)
+        self.world = world_of(self.environment)
+        self.world.check()
+        self.network_made = _network(self.world, part_from("wiring", self.network, "network"))
+        self.rule = build.rule_from(self.hebbian, "hebbian")
+        if not isinstance(self.rule, NoRule) and self.rule.signal != SIGNAL:
+            raise ValueError(f"hebbian.signal must be {SIGNAL} in an environment, got {self.rule.signal}")
+        self.rule.check_wiring(self.network_made.wiring)
+
+    @property
+    def threads(self) -> int:
+        """How many processes may run; as a key, that of the environment."""
+        return self.environment.processes
+
+    @property
+    def change_text(self) -> str:
+        """The changes as tables have them: their name, or what is set when."""
+        if self.environment.change:
+            return self.environment.change
+
+        def text(key: str, value: Any) -> str:
+            return str(value).rpartition(":")[2] if key == FUNCTION else f"{key}={value_text(value, key)}"
+
+        changes = (
+            (" ".join(text(*item) for item in one.items() if item[0] != AT), one[AT])
+            for one in self.environment.changes
+        )
+        return ", ".join(f"{what} at {step}" for what, step in changes)
+
+    @property
+    def controllers(self) -> list[Tested]:
+        """The controllers that run."""
+        return [Tested(str(self.hebbian.get("name") or WITHOUT), self.rule)]
+
+
+@register
+@dataclass(kw_only=True)
+class EvolveEnvironment(EnvironmentConfig):
+    """All keys of `epuckhebb evolve environment=NAME`. algorithm, schedule, plan: as of `EvolveConfig`."""
+
+    command: ClassVar[str] = f"evolve{OF_ENVIRONMENT}"
+    ga: GA | None = field(default_factory=GA)  # None if the optimizer is another
+    optimizer: dict[str, Any] = field(default_factory=lambda: {"algorithm": GA.key})
+
+    def __post_init__(self) -> None:
+        """Validate the settings."""
+        super().__post_init__()
+        self.algorithm = build.optimizer_from(self.optimizer, self.ga)
+        self.schedule = self.algorithm.schedule(UNVARIED, Lifetime())
+        self.plan = evolved_plan(self.network_made, self.rule)
+        self.algorithm.check(self.plan)
+
+
+@register
+@dataclass(kw_only=True)
+class EvaluateEnvironment(EnvironmentConfig):
+    """All keys of `epuckhebb evaluate environment=NAME`."""
+
+    command: ClassVar[str] = f"evaluate{OF_ENVIRONMENT}"
+    genome: str = "latest"
+    repeats: int = within(1, default=20)
+
+    @property
+    def controllers(self) -> list[Tested]:
+        """The rule and its controls: without plasticity, with other signs, and frozen from the change on."""
+        (own,) = super().controllers
+        if isinstance(self.rule, NoRule):
+            return [own]
+        controls = [Tested(f"{own.name} ({sign.name})", replace(self.rule, sign=sign)) for sign in Sign]
+        others = [control for control in controls if control.rule != self.rule]
+        frozen = [Tested(f"{own.name} ({FROZEN})", self.rule, frozen=True)] if self.environment.changes else []
+        return [Tested(f"{own.name} ({WITHOUT})", replace(self.rule, N=0.0)), own, *others, *frozen]
+
+
+def world_of(settings: Environment) -> World:
+    """The world of settings; it is checked where it is used first."""
+    make = functools.partial(_make_own if ".py:" in settings.id else _make, settings)
+    functions = {change[FUNCTION]: _function(change[FUNCTION]) for change in settings.changes if FUNCTION in change}
+    own = settings.id.rpartition(":")[2] if settings.name == ANY else settings.name
+    return World(settings=replace(settings, name=own), make=make, functions=functions)
+
+
+def _make(settings: Environment, **more: Any) -> Any:
+    """An environment of Gymnasium; a ConfigError if there is none, or a library is missing."""
+    try:
+        import gymnasium
+    except ImportError as error:
+        raise ConfigError(f"environment={settings.name} needs Gymnasium: {_INSTALL}") from error
+    try:
+        return gymnasium.make(
+            settings.id, max_episode_steps=settings.horizon, disable_env_checker=True, **{**settings.options, **more}
+        )
+    except (gymnasium.error.DependencyNotInstalled, ImportError) as error:
+        raise ConfigError(f"environment.id={settings.id}: {error}; environments of MuJoCo: {_INSTALL}") from error
+    except (gymnasium.error.Error, TypeError) as error:
+        raise ConfigError(f"environment.id={settings.id}: {error}") from error
+
+
+def _make_own(settings: Environment, **more: Any) -> Any:
+    """An environment of a class of the user's."""
+    import gymnasium
+
+    kind: Any = class_named(settings.id, gymnasium.Env, "environment.id")
+    try:
+        return kind(**{**settings.options, **more})
+    except Exception as error:  # of a user's code
+        raise ConfigError(f"environment.id={settings.id}: {type(error).__name__}: {error}") from error
+
+
+def _function(text: Any) -> Callable[[Any], None]:
+    """A change that is a function of the user's, of an environment."""
+    file, _, name = str(text).rpartition(":")
+    key = f"environment.changes: {FUNCTION}"
+    function = getattr(load(path_of(file, key), key).module, name, None)
+    if not callable(function):
+        raise ConfigError(f"{key} must be FILE.py:NAME, a function of an environment, got {text}")
+    return function  # type: ignore[no-any-return]
+
+
+def _network(world: World, made: Layers | Wiring) -> Network:
+    """The network between the readings and the outputs of a world."""
+    if isinstance(made, Wiring):
+        wiring = replace(made, outputs=world.outputs)
+        return Network((world.inputs, *wiring.sizes), wiring=wiring)
+    layers = made.layers or (world.inputs, *world.settings.hidden, world.outputs)
+    if (layers[0], layers[-1]) != (world.inputs, world.outputs):
+        raise ValueError(
+            f"network.layers must begin with {world.inputs} and end with {world.outputs}, the readings and outputs of "
+            f"environment {world.name}, got {list(layers)}"
+        )
+    return Network(tuple(layers))
+
+
+def environment_of_run(genome: str) -> dict[str, Any]:
+    """The settings of the evolution whose champion a genome is; nothing if it was in the maze, or is not known."""
+    path = Path(genome)
+    file = (path if path.is_dir() else path.parent) / ".hydra" / "config.yaml"
+    values = yaml_file.load(file) if file.is_file() else {}
+    return dict(values) if "environment" in values else {}
+
+
+def complete(cfg: DictConfig, choices: Mapping[str, str], overrides: Sequence[str]) -> None:
+    """Complete a configuration as Hydra composed it: what its champion's evolution had, names, defaults of rules."""
+    words = [str(word.key_or_group) for word in parsed(overrides)]
+
+    def is_typed(key: str) -> bool:
+        return any(word == key or word.startswith(f"{key}.") for word in words)
+
+    environment, before = cfg.environment, environment_of_run(str(cfg.genome)) if cfg.get("genome") else {}
+    environment.name = environment.name or choices["environment"]
+    if "genome" in cfg and not before and not is_typed("environment"):
+        raise ConfigError(f"genome={cfg.genome} is of no evolution in an environment; give environment=NAME")
+    is_same = bool(before) and before["environment"]["name"] == environment.name
+    for group in ("environment", "network", "hebbian"):
+        if (group == "environment" and not is_same) or (f"{group}" in words and group != "environment"):
+            continue
+        for key, value in (before.get(group) or {}).items():
+            if not is_typed(f"{group}.{key}") and key not in ("change", "changes", "processes"):
+                cfg[group][key] = _literal(value)
+    if "repeats" in cfg and not is_typed("environment.horizon"):
+        environment.horizon *= 2
+    if OmegaConf.is_missing(environment, "id"):
+        raise ConfigError(f"environment={ANY} needs environment.id, an id of Gymnasium or FILE.py:NAME")
+    if environment.change is not None:
+        if environment.change not in environment.named or environment.changes:
+            names = ", ".join(environment.named) or "none"
+            raise ConfigError(
+                f"change must be one of {names} in environment={environment.name}, without environment.changes, got "
+                f"{environment.change}{did_you_mean(str(environment.change), environment.named)}"
+            )
+        environment.changes = environment.named[environment.change]
+    if not before or "hebbian" in words:
+        _fit_rule(cfg, choices["hebbian"], is_typed)
+    if "optimizer" in cfg:
+        group = "optimizer" if cfg.ga is None else "ga"
+        for key in ("population", "generations", "loops"):
+            if not is_typed(f"{group}.{key}"):
+                cfg[group][key] = environment[key]
+
+
+def _fit_rule(cfg: DictConfig, choice: str, is_typed: Callable[[str], bool]) -> None:
+    """Give a rule what it has in environments: no wheel gain, the reward as live fitness, and rates of the papers."""
+    rule, row = cfg.hebbian, conf.table("hebbian").get(choice, {})
+    if rule.get("rule") in (None, NONE):
+        return
+    defaults = {"signal": SIGNAL, "floor": 1.0, "N_gain_rad_s": 0.0}
+    if choice.startswith("abcd"):
+        defaults |= _AS_PAPERS if cfg.network.wiring == LAYERS else {"N": _AS_PAPERS["N"]}
+    if "scenario" in str(row.get("N", "")) or "N" not in rule:
+        defaults |= {"N": _RATE}
+    for key, value in defaults.items():
+        if not is_typed(f"hebbian.{key}"):
+            rule[key] = value
+    rule.name = rule.get("name") or (choice if choice != NONE else str(rule.rule).rpartition(":")[2].lower())
+    if cfg.network.get("wiring") == "ctrnn" and not is_typed("network.tau_gain_rad_s"):
+        cfg.network.tau_gain_rad_s = 0.0
+
+
+def _literal(value: Any) -> Any:
+    return literal(value) if isinstance(value, str) else value

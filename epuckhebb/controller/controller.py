@@ -1,0 +1,211 @@
+"""A controller as an object, for loops of one's own: a genome, its network and its plasticity rule, step by step.
+
+    controller = Controller(genes, Network((4, 16, 2)), rule)
+    observation, _ = environment.reset(seed=1)
+    controller.reset(seed=1)
+    outputs = controller.act(observation, reward)     # of any world
+
+The step is compiled: forward pass, then the update of the weights, which is in force from the next step on.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.compiling.errors import explained
+from epuckhebb.controller.compiling.kernel import SameTypes, kernel
+from epuckhebb.controller.forward_pass import forward_pass
+from epuckhebb.controller.genome import plan_of
+from epuckhebb.controller.genotype import Genotype, genotype_of
+from epuckhebb.controller.network import PAPER_NETWORK, Network
+from epuckhebb.controller.own_class import OwnClass, PartError, is_own, stored
+from epuckhebb.controller.plasticity.control import signs as signs_of
+from epuckhebb.controller.plasticity.rule import NO_RULE, NoRule, Rule, Schedule, bound_of, schedule_of
+from epuckhebb.controller.plasticity.update import (
+    StepContext,
+    averaging,
+    effective_rate,
+    modulation_of,
+    pausing,
+    update_of,
+)
+from epuckhebb.controller.plasticity.weight_change import saturated_fraction, weight_change_workspace
+from epuckhebb.controller.random import Stream, rng
+from epuckhebb.controller.wiring import Neurons
+
+_part: Any = None
+HAS_RULE = False
+forward = average = modulate = is_due = learn = _part  # parts, which `_kernel_of` puts here
+_kernels: dict[tuple[object, ...], Any] = {}
+_NO_GAIN = 0.0  # rad/s: there are no wheels whose gain could be another than in training
+
+
+class _Scratch(NamedTuple):
+    """Temporary arrays of a step."""
+
+    drive: Floats
+    synapses: Floats
+    change: Floats
+    mean: Floats
+
+
+class _State(NamedTuple):
+    """What a lifetime carries. tally: the present weight change, and its sum over the steps."""
+
+    genotype: Genotype
+    weights: Floats
+    synapse_state: NDArray[np.void]
+    activation: Floats
+    recent: Floats
+    neurons: Neurons
+    tally: Floats
+    scratch: _Scratch
+
+
+def _step(
+    state: _State,
+    numbers: tuple[float, ...],
+    rate: float,
+    floor: float,
+    fitness: float,
+    step_s: float,
+    key: np.uint64,
+    step: int,
+) -> None:
+    """Act, then learn. rate: N. fitness: the live fitness F. The inputs stand among the activations."""
+    weights, activation, scratch, tally = state.weights, state.activation, state.scratch, state.tally
+    forward(weights, activation, scratch.drive, state.neurons)
+    read = average(state.recent, activation, step, scratch.mean)
+    if HAS_RULE and rate > 0.0 and is_due(step, numbers):
+        now = effective_rate(rate, 1.0, fitness, floor) * modulate(state.genotype.modulatory, read)
+        context = StepContext(fitness, key, step, step_s)
+        tally[0] = learn(weights, state.synapse_state, state.genotype, read, now, context, numbers, scratch)
+    tally[1] += tally[0]
+
+
+def _kernel_of(rule: type[Rule], network: Network, schedule: Schedule) -> Any:
+    """`_step` for a rule and a network, compiled or from the cache."""
+    values = rule, network, schedule
+    if values not in _kernels:
+        parts = {
+            "HAS_RULE": rule is not NoRule,
+            "forward": forward_pass(network),
+            "average": averaging(schedule),
+            "is_due": pausing(rule, schedule),
+            "learn": update_of(rule, network, schedule),
+            "modulate": modulation_of(rule, network),
+        }
+        _kernels[values] = SameTypes(kernel(_step, values, **parts))
+    return _kernels[values]
+
+
+class Controller:
+    """A genome with its network and rule, as an object.
+
+    genes: (genes,) of all parts of the genome, weights first. rate: N of the rule, which may be set at any time; 0
+    freezes the weights. weights: (synapses,), the present ones. weight_change: the present sum of |W - W_gene|.
+
+    signs: (synapses,) of the updates; by default those of the rule, shuffled ones the same for all genes. step_s:
+    length of a step [s], for rules and neurons that have time constants.
+
+    Raises:
+        ValueError: the genes do not fit the network and the rule.
+    """
+
+    def __init__(
+        self,
+        genes: ArrayLike,
+        network: Network = PAPER_NETWORK,
+        rule: Rule = NO_RULE,
+        *,
+        signs: Floats | None = None,
+        step_s: float = 0.032,
+    ) -> None:
+        self.genes, self.network, self.rule, self.step_s = np.asarray(genes, np.float64), network, rule, float(step_s)
+        self.rate, self._floor, self._numbers = float(rule.N), float(rule.floor), rule.numbers()
+        rule.check_wiring(network.wiring)
+        self._plan = plan_of(network, type(rule))
+        if signs is None:
+            signs = signs_of(rule.sign, network.synapses, rng(0, Stream.shuffled_signs))
+        self._signs = signs
+        self._kernel = _kernel_of(type(rule), network, schedule_of(rule))
+        self._scratch = _Scratch(
+            np.empty(network.neurons),
+            np.empty((3, network.synapses)),
+            np.empty(weight_change_workspace(network)),
+            np.empty(network.neurons),
+        )
+        self.reset()
+
+    def reset(self, seed: int = 0) -> None:
+        """Begin a lifetime. seed: of initial weights that are random, and of what is random in the rule."""
+        network, rule = self.network, self.rule
+        self.key, self.steps = np.uint64(seed), 0
+        genotype = genotype_of(
+            self.genes,
+            self._plan,
+            network,
+            rule,
+            int(seed),
+            signs=self._signs,
+            synapse_state=stored(rule.synapse_state, network.synapses),
+            gain_rad_s=_NO_GAIN,
+            step_s=self.step_s,
+        )
+        activation = np.zeros(network.neurons)
+        activation[network.bias] = 1.0
+        self._state = _State(
+            genotype,
+            genotype.weights.copy(),
+            genotype.synapse_state.copy(),
+            activation,
+            np.zeros((rule.average, network.neurons)),
+            genotype.neurons._replace(state=genotype.neurons.state.copy()),
+            np.zeros(2),
+            self._scratch,
+        )
+        self.weights, self._inputs = self._state.weights, activation[: network.inputs]
+        self._outputs = activation[network.first_output :]
+
+    def act(self, observation: ArrayLike, reward: float = 0.0) -> Floats:
+        """The outputs, (outputs,) of -1 to 1, for an observation, (inputs,); then the weights are updated.
+
+        reward: the live fitness F, by default of no effect on the rate: it is N max(floor, F).
+        """
+        self._inputs[:] = observation
+        arguments = self._numbers, self.rate, self._floor, float(reward), self.step_s, self.key, self.steps
+        if self.steps:
+            self._kernel.call(self._state, *arguments)
+        else:
+            try:
+                self._kernel.call(self._state, *arguments)
+            except Exception as error:  # machine code raises nothing, so it comes from compiling
+                parts = type(self.rule), type(self.network.wiring)
+                own = [part for part in parts if issubclass(part, OwnClass) and is_own(part)]
+                raise explained(own, error) from error
+        self.steps += 1
+        return self._outputs.copy()
+
+    @property
+    def weight_change(self) -> float:
+        """The present sum of |W - W_gene|."""
+        return float(self._state.tally[0])
+
+    @property
+    def weight_change_mean(self) -> float:
+        """Its mean over the steps of this lifetime."""
+        return float(self._state.tally[1]) / max(1, self.steps)
+
+    @property
+    def saturated_fraction(self) -> float:
+        """The share of the weights at their bound; 0 without a rule."""
+        return saturated_fraction(self.weights, bound_of(self.rule))
+
+    def check(self) -> None:
+        """Refuse weights or activations that are no numbers, a PartError: such a lifetime means nothing."""
+        if not (np.isfinite(self.weights).all() and np.isfinite(self._state.activation).all()):
+            raise PartError(
+                f"rule {self.rule.name}: weights or activations are infinite or nan; noticed at step {self.steps}"
+            )

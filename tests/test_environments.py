@@ -1,0 +1,280 @@
+"""Environments of Gymnasium: evolve, evaluate, changes, bit-identical reruns and processes, sweeps, and bad input."""
+
+import itertools
+import sys
+from contextlib import chdir
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pandas as pd
+import pytest
+from cases import call, check_resumed, described_columns, done, refused
+from PIL import Image
+
+import epuckhebb
+from epuckhebb.config import load_any
+from epuckhebb.controller.controller import Controller
+from epuckhebb.controller.plasticity.rule import Normalise
+from epuckhebb.controller.plasticity.rules.abcd import ABCD
+from epuckhebb.runs.environments import Work, run_lifetimes
+from epuckhebb.runtime import ConfigError
+from epuckhebb.worlds.changes import CHANGES, Faults, apply
+
+EXAMPLE = Path(__file__).parents[1] / "examples" / "any_world" / "thermostat.py"
+SMALL = ["optimizer.generations=2", "optimizer.population=4", "optimizer.starts=4", "optimizer.confirm=1"]
+CARTPOLE = ["environment=cartpole", "environment.hidden=[4]", "environment.horizon=60", *SMALL]
+MIDDLE = "environment.changes=[{at: 60, length: 2.0, action_delay: 1}]"
+TURNED = f"environment.changes=[{{at: 20, function: '{EXAMPLE}:turn_round'}}]"
+ROOM = [f"environment={EXAMPLE}:Room", "environment.horizon=40", "hebbian=abcd", *SMALL]
+
+
+def raises(error):
+    raise error
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """A folder with evolutions in two environments, one with a rule, and an evaluation of each with a change."""
+    with chdir(tmp_path_factory.mktemp("environments")):
+        done("evolve", *CARTPOLE, "hydra.run.dir=plain")
+        done("evolve", *CARTPOLE, "hebbian=abcd", "hydra.run.dir=abcd")
+        done("evaluate", "genome=plain", MIDDLE, "repeats=3", "hydra.run.dir=tested_plain")
+        done("evaluate", "genome=abcd", MIDDLE, "repeats=3", "hydra.run.dir=tested")
+        yield Path.cwd()
+
+
+@pytest.fixture(autouse=True)
+def _here(request):
+    if "runs" not in request.fixturenames:
+        yield
+        return
+    with chdir(request.getfixturevalue("runs")):
+        yield
+
+
+@pytest.mark.usefixtures("runs")
+def test_metrics_have_the_columns_of_an_environment_and_the_controls_of_a_rule():
+    rows = pd.read_csv("tested/metrics.csv")
+    assert list(rows) == described_columns("metrics.csv in an environment")
+    names = ["abcd (without plasticity)", "abcd", "abcd (anti)", "abcd (shuffled)", "abcd (frozen at the change)"]
+    assert list(rows.controller.unique()) == names
+    assert list(pd.read_csv("tested/lifetime.csv")) == described_columns("lifetime.csv")
+    assert list(pd.read_csv("tested/table.csv")) == described_columns("table.csv in an environment")
+    assert (rows["return_before"] + rows["return_after"] == rows["return"]).all()
+    assert set(rows.change) == {"length=2.0 action_delay=1 at 60"}
+    assert (rows.weight_change_mean[rows.controller == names[0]] == 0).all()
+    own, frozen = (rows[rows.controller == name].reset_index() for name in (names[1], names[-1]))
+    assert (own.return_before == frozen.return_before).all()
+
+
+@pytest.mark.usefixtures("runs")
+@pytest.mark.parametrize("run", ["plain", "tested"])
+def test_a_rerun_is_bit_identical(run):
+    assert "bit-identical" in done("rerun", run).stdout
+
+
+def test_a_resumed_evolution_is_bit_identical(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = [word for word in CARTPOLE if "generations" not in word]
+    done("evolve", *words, "optimizer.generations=3", "hydra.run.dir=evolved")
+    check_resumed(words, ("optimizer.generations=2", "optimizer.generations=3"))
+
+
+@pytest.mark.thorough
+def test_lifetimes_are_bit_identical_in_processes_and_in_a_used_environment(monkeypatch):
+    monkeypatch.setattr("epuckhebb.runs.environments._WORTH_S", 0.0)
+    config = load_any(
+        "evolve", [*ROOM, "environment.changes=[{at: 20, function: 'FILE:turn_round'}]".replace("FILE", str(EXAMPLE))]
+    )
+    genes = np.random.default_rng(1).uniform(-1, 1, (5, config.plan.genes))
+    genes = np.hstack([np.zeros((5, config.network_made.synapses)), genes])
+    works = [Work(0, one, (3, 4)) for one in genes]
+    one, two, again = (run_lifetimes(config, works, processes) for processes in (1, 2, 1))
+    for lives in (two, again):
+        for own, other in zip(itertools.chain(*one), itertools.chain(*lives), strict=True):
+            np.testing.assert_array_equal(own.rewards, other.rewards)
+            assert own.weight_change_final == other.weight_change_final
+    assert one[0][0].rewards[21:].sum() != one[0][1].rewards[21:].sum()
+
+
+@pytest.mark.usefixtures("runs")
+def test_show_figure_and_replay_know_an_environment():
+    assert "in environment cartpole" in done("show", "plain").stdout
+    assert "without plasticity" in done("show", "tested").stdout
+    assert done("figure", "tested").stdout.split() == ["lifetime"]
+    done("figure", "tested", "lifetime", "--format", "svg")
+    done("figure", "plain", "learning")
+    pytest.importorskip("pygame")
+    done("replay", "tested", "--gif", "film.gif")
+    with Image.open("film.gif") as film:
+        assert film.n_frames > 1
+    refused("replay", "tested", "--output", "page.html")
+
+
+@pytest.mark.usefixtures("runs")
+def test_many_runs_get_one_table_over_champions():
+    done("evaluate", "-m", "genome=plain,abcd", "repeats=2", "hydra.sweep.dir=many")
+    table = pd.read_csv("many/summary.csv")
+    assert list(table.controller[:2]) == ["without plasticity", "abcd (without plasticity)"]
+    assert (table.champions == 1).all()
+
+
+@pytest.mark.thorough
+@pytest.mark.usefixtures("runs")
+def test_a_sweep_of_ones_own_takes_rule_and_network_from_each_champion():
+    Path("own/experiment").mkdir(parents=True, exist_ok=True)
+    sweep = "# @package _global_\nhydra:\n  sweeper:\n    params:\n      genome: plain,abcd\n"
+    Path("own/experiment/mine.yaml").write_text(sweep)
+    words = ("sweep", "mine", "environment=cartpole", "repeats=2", "--config-dir", "own")
+    assert "plasticity" in done(*words).stdout
+    assert "2 done before" in done(*words).stderr
+
+
+@pytest.mark.thorough
+def test_evolve_works_from_python_and_an_example_with_a_function_as_a_change(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    champion, history = epuckhebb.evolve(*CARTPOLE, progress=False)
+    assert len(champion) == 28
+    assert len(history) == 2
+    done("evolve", *ROOM, TURNED, "hydra.run.dir=room")
+    result = done("evaluate", "genome=room", "environment.horizon=40", TURNED, "repeats=2", "hydra.run.dir=tested")
+    assert "frozen" in result.stdout
+    assert list(Path("tested/own_code").rglob("thermostat.py"))
+    assert "bit-identical" in done("rerun", "tested").stdout
+
+
+@pytest.mark.thorough
+def test_cartpole_is_solved():
+    """No plasticity, separable CMA-ES: 500 steps upright."""
+    champion, history = epuckhebb.evolve("environment=cartpole", "environment.processes=1", progress=False)
+    assert history.best_fitness.max() == 500
+    assert len(champion) == 56
+
+
+@pytest.mark.parametrize(
+    ("change", "look", "expected"),
+    [
+        ({"gravity": 3.0}, lambda env, _: env.model.opt.gravity[2], -3.0),
+        ({"friction": 0.5}, lambda env, _: env.model.geom_friction[0, 0], 0.2),
+        ({"mass": {"torso": 2.0}}, lambda env, _: env.model.body_mass[1], 2 * 6.25020921),
+        ({"joint_strength": {"bshin": 0}}, lambda env, _: env.model.actuator_gear[1, 0], 0.0),
+        ({"dead_readings": [1, 3]}, lambda _, faults: faults.dead, [1, 3]),
+        ({"noisy_readings": {2: 0.5}}, lambda _, faults: faults.noise, {2: 0.5}),
+        ({"action_delay": 2}, lambda _, faults: faults.delay, 2),
+    ],
+)
+def test_named_changes_do_what_they_say(change, look, expected):
+    env, faults = gymnasium.make("HalfCheetah-v5").unwrapped, Faults()
+    apply({"at": 1, **change}, env, faults, {})
+    assert look(env, faults) == pytest.approx(expected)
+    assert set(change) <= set(CHANGES)
+
+
+@pytest.mark.usefixtures("runs")
+@pytest.mark.parametrize(
+    ("change", "same"), [("dead_readings: [2, 3]", False), ("action_delay: 12", False), ("gravity: 9.8", True)]
+)
+def test_a_change_acts_from_its_step_on(change, same):
+    before, after = (
+        load_any("evaluate", ["environment=cartpole", "genome=plain", "environment.horizon=60", *words])
+        for words in ([], [f"environment.changes=[{{at: 8, {change}}}]"])
+    )
+    genes = np.zeros(28)  # of a controller that pushes towards the side to which the pole falls
+    genes[[8, 12]], genes[[20, 21]] = 2.0, (-2.0, 2.0)
+    lives = [run_lifetimes(config, [Work(0, genes, (1, 2, 3, 4))], 1)[0] for config in (before, after)]
+    steps = [[len(lived.rewards) for lived in one] for one in lives]
+    assert (steps[0] == steps[1]) == same
+
+
+@pytest.mark.thorough
+def test_averaging_and_a_slow_update_calm_the_weights():
+    """The signature of Hebbian attractor networks: the change of a step falls with both, and goes on without."""
+    words = ["environment=cartpole", "environment.hidden=[4]", "hebbian=abcd", "environment.horizon=200"]
+    network = load_any("evolve", words).network_made
+    genes = np.random.default_rng(5).uniform(-1, 1, 28 * 6)
+
+    def last_changes(**settings):
+        controller = Controller(genes, network, ABCD(N=0.05, floor=1.0, normalise=Normalise.largest, **settings))
+        rng, steps = np.random.default_rng(0), []
+        for _ in range(200):
+            before = controller.weights.copy()
+            controller.act(np.tanh(rng.normal(size=4)))
+            steps.append(np.abs(controller.weights - before).sum())
+        return np.mean(steps[-100:])
+
+    assert last_changes(average=10, every=5) < 0.5 * last_changes()
+
+
+@pytest.mark.parametrize(
+    ("words", "texts"),
+    [
+        (["environment=gym", "environment.id=Nope-v0"], ["environment.id=Nope-v0"]),
+        (["environment=gym", "environment.id=CartPole-v99"], ["v99", "v1"]),
+        (["environment=gym"], ["environment.id"]),
+        (["environment=nope"], ["environment", "halfcheetah"]),
+        (["environment=gym", "environment.id=Blackjack-v1"], ["Tuple", "Box or Discrete"]),
+        (["environment=gym", "environment.id=Ant-v5", "environment.options={nonsense: 1}"], ["Ant-v5"]),
+        (["environment=halfcheetah", "environment.changes=[{at: 5, joint_strength: {knee: 0}}]"], ["knee", "bthigh"]),
+        (["environment=cartpole", "environment.changes=[{at: 5, joint_strength: {knee: 0}}]"], ["MuJoCo"]),
+        (["environment=cartpole", "environment.changes=[{at: 5, nonsense: 1}]"], ["nonsense", "masspole"]),
+        (["environment=cartpole", "environment.changes=[{at: 500, length: 1}]"], ["environment.horizon=500"]),
+        (["environment=cartpole", "environment.changes=[{length: 1}]"], ["{at: STEP"]),
+        (["environment=cartpole", "environment.changes=[{at: 5, dead_readings: [9]}]"], ["dead_readings", "0 to 3"]),
+        (["environment=cartpole", "environment.changes=[{at: 5, function: nope.py:ice}]"], ["nope.py"]),
+        (["environment=cartpole", "environment.scale=[1, 2]"], ["environment.scale", "4"]),
+        (["environment=cartpole", "change=nope"], ["change", "heavy"]),
+        (["environment=cartpole", "network.layers=[5, 2]"], ["network.layers", "4"]),
+        (["environment=cartpole", "hebbian=abcd", "hebbian.signal=behaviour"], ["hebbian.signal", "reward"]),
+        (["environment=cartpole", "scenario=base"], ["scenario", "in an environment"]),
+        (["environment=cartpole", "robot.solid=null"], ["robot"]),
+        (["environment=cartpole,tmaze"], ["tmaze"]),
+        (["environment.horizon=5"], ["environment.horizon"]),
+        (["hebbian.signal=reward", "hebbian=paper"], ["hebbian.signal", "behaviour"]),
+        (["environment=nope.py:Mine"], ["nope.py"]),
+        ([f"environment={EXAMPLE}:Nope"], ["gymnasium.Env", "Room"]),
+    ],
+)
+def test_bad_input_gets_one_message(words, texts):
+    with pytest.raises(ConfigError) as refusal:
+        load_any("evolve", words)
+    assert [text for text in texts if text not in str(refusal.value)] == []
+
+
+@pytest.mark.parametrize(
+    "words", [["environment=gym", "environment.id=Nope-v0"], ["environment=cartpole", "maze=t_maze"]]
+)
+def test_bad_input_ends_with_exit_code_2_and_leaves_nothing(words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    refused("evolve", *words)
+    assert not Path("runs").exists()
+
+
+def test_dict_observations_and_missing_libraries_are_refused(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("own.py").write_text(
+        "import gymnasium\n\n\nclass Mine(gymnasium.Env):\n"
+        "    observation_space = gymnasium.spaces.Dict(x=gymnasium.spaces.Discrete(2))\n"
+        "    action_space = gymnasium.spaces.Discrete(2)\n"
+    )
+    assert "Dict" in refused("evolve", "environment=own.py:Mine")
+    missing = gymnasium.error.DependencyNotInstalled("MuJoCo is not installed")
+    monkeypatch.setattr(gymnasium, "make", lambda *_, **__: raises(missing))
+    assert "epuckhebb[gym]" in refused("evolve", "environment=ant")
+    monkeypatch.setitem(sys.modules, "gymnasium", None)
+    assert "epuckhebb[gym]" in refused("evolve", "environment=cartpole")
+
+
+@pytest.mark.usefixtures("runs")
+def test_a_champion_of_an_environment_is_refused_elsewhere():
+    for words in (
+        ["evaluate", "genome=plain", "environment=acrobot"],
+        ["evaluate", "genome=plain", "environment=tmaze"],
+        ["evaluate", "genome=reference", "environment=cartpole"],
+        ["evaluate", "genome=plain", "environment.changes=[{at: 60, joint_strength: {a: 0}}]"],
+        ["play", "environment=cartpole"],
+        ["export", "tested_plain", "--webots"],
+        ["export", "plain", "--webots"],
+    ):
+        refused(*words)
+    assert call("evolve", "environment=tmaze", "--cfg", "job").stdout == call("evolve", "--cfg", "job").stdout
