@@ -54,7 +54,7 @@ def test_choices():
     assert completion.complete_override("evolve", "figures=p") == ["figures=png", "figures=pdf"]
     assert "ga.crossover=middle" in completion.complete_override("evolve", "ga.crossover=")
     assert completion.complete_sweep("n") == ["n_sweep"]
-    assert completion.complete_group("ev") == ["evaluate", "evolve"]
+    assert completion.complete_group("ev") == ["evaluate", "evolve", "evaluate_environment", "evolve_environment"]
     assert completion.complete_override("evaluate", "genome=reference_ode_301") == ["genome=reference_ode_301"]
     assert "genome=reference_7" in completion.complete_override("evolve", "genome=")
 

@@ -100,6 +100,7 @@ def test_lifetimes_are_bit_identical_in_processes_and_in_a_used_environment(monk
 
 @pytest.mark.usefixtures("runs")
 def test_show_figure_and_replay_know_an_environment():
+    assert "weak_leg" in done("keys", "environment").stdout
     assert "in environment cartpole" in done("show", "plain").stdout
     assert "without plasticity" in done("show", "tested").stdout
     assert done("figure", "tested").stdout.split() == ["lifetime"]
@@ -229,7 +230,7 @@ def test_averaging_and_a_slow_update_calm_the_weights():
         (["environment=cartpole", "scenario=base"], ["scenario", "in an environment"]),
         (["environment=cartpole", "robot.solid=null"], ["robot"]),
         (["environment=cartpole,tmaze"], ["tmaze"]),
-        (["environment.horizon=5"], ["environment.horizon"]),
+        (["environment.horizon=5"], ["environment.horizon", "environment=NAME"]),
         (["hebbian.signal=reward", "hebbian=paper"], ["hebbian.signal", "behaviour"]),
         (["environment=nope.py:Mine"], ["nope.py"]),
         ([f"environment={EXAMPLE}:Nope"], ["gymnasium.Env", "Room"]),

@@ -93,7 +93,8 @@ def readable(rows: pd.DataFrame, title: str = "") -> Table:
 
     def cell(row: Mapping[str, Any], name: str) -> str:
         value, low, high = (row[f"{name}{end}"] for end in ("", "_low", "_high"))
-        return f"{value:.1f}" + ("" if np.isnan(low) else f" [{low:.1f}, {high:.1f}]")
+        digits = 0 if abs(value) >= 100 else 1
+        return f"{value:.{digits}f}" + ("" if np.isnan(low) else f" [{low:.{digits}f}, {high:.{digits}f}]")
 
     before = list(rows)[: list(rows).index("champions")]
     first = [name for name in before if name == "controller" or (name != "N" and rows[name].nunique(dropna=False) > 1)]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from epuckhebb.runtime import ConfigError, conf, data_folder, did_you_mean
 
-COMMANDS = ("evaluate", "evolve", "reproduce", "leaderboard", "flock")
+COMMANDS = ("evaluate", "evolve", "evaluate_environment", "evolve_environment", "reproduce", "leaderboard", "flock")
 
 
 def known() -> dict[str, list[Path]]:

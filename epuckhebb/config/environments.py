@@ -146,6 +146,10 @@ def _make(settings: Environment, **more: Any) -> Any:
     except ImportError as error:
         raise ConfigError(f"environment={settings.name} needs Gymnasium: {_INSTALL}") from error
     try:
+        if "mujoco" in str(gymnasium.spec(settings.id).entry_point):
+            import mujoco
+
+            mujoco.set_mju_user_warning(lambda _: None)  # else each environment prints one, and writes a file here
         return gymnasium.make(
             settings.id, max_episode_steps=settings.horizon, disable_env_checker=True, **{**settings.options, **more}
         )

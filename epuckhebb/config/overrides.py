@@ -88,7 +88,10 @@ def check_words(command: str, words: Sequence[str], *, several: bool = False) ->
         if key not in known and key not in choices and not key.startswith(("hydra.", "hydra/", *_BELOW)):
             verb, _, is_of_environment = command.partition("_")
             where = f"`epuckhebb {verb}`{' in an environment' if is_of_environment else ''}"
-            raise ConfigError(f"there is no key {key} of {where}{did_you_mean(key, known)}")
+            hint = did_you_mean(key, known)
+            if key.startswith("environment.") and not is_of_environment:
+                hint = "; give environment=NAME, or genome=RUN of an evolution in one"
+            raise ConfigError(f"there is no key {key} of {where}{hint}")
 
 
 @functools.cache
