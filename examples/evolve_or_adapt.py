@@ -7,15 +7,15 @@ epuckhebb sweep examples/evolve_or_adapt.py:EvolveOrAdapt               the stud
 import functools
 from dataclasses import asdict, dataclass, field, replace
 
-import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 import epuckhebb
+from epuckhebb.analysis.claims import claim
 from epuckhebb.analysis.evolutions import HOURS
 from epuckhebb.analysis.figures import tidy
-from epuckhebb.analysis.statistics import bootstrap, holm, mean, sign_flip, sign_flip_of_shares, wilson_by_champion
+from epuckhebb.analysis.statistics import bootstrap, holm, mean, sign_flip, wilson_by_champion
 from epuckhebb.analysis.tables import Table
 from epuckhebb.config import EvaluateConfig, EvolveConfig, load
 from epuckhebb.controller.network import PAPER_NETWORK
@@ -46,19 +46,25 @@ DEVICES = {
     "hypermutation": ["ga.hypermutation=0.3"],
     "memory": ["ga.memory=5"],
 }
-INHERITED = {  # settings of `evolve` with plasticity, and without it
-    "genes": ["hebbian=baldwin", "training.rule_off=true"],
-    "learnt weights": ["hebbian=baldwin", "training.rule_off=true", "training.lamarckian=true"],
-    "genes, without plasticity": [],
+INHERITED = {  # settings of `evolve hebbian=baldwin`
+    "genes": [],
+    "learnt weights": ["training.lamarckian=true"],
+    "genes, no plasticity": ["hebbian.N=0"],
 }
-ALONE, PAPER, LATE, FIXED, NEVER, WITHIN = "GA", "Hebbian", "late", "champion", "never", "within a lifetime"
+ALONE, PAPER, LATE, SHUFFLED = "GA", "Hebbian", "late", "shuffled"
+FIXED, NEVER, WITHIN = "champion", "never", "within a lifetime"
+ADAPTED = f"compare={{{LATE}: null, {SHUFFLED}: {{sign: shuffled}}}}"
 WHO = ["experiment", "champion"]
+GENERATION_HOURS = 5  # of robots, in the changed world or in both
+WARM, NOTHING = ("from the champion", ALONE), (FIXED, ALONE)
+FORGETS = [WARM, ("with rehearsal", ALONE)]
+REPLACES = [(FIXED, PAPER), (FIXED, SHUFFLED), (FIXED, LATE), *((rule, rule) for rule in RULES)]
 COMPARED = [  # what is compared, and two ways with their controllers
-    ("recovered", ("from the champion", ALONE), ("from scratch", ALONE)),
-    ("recovered", ("from the champion", ALONE), (FIXED, PAPER)),
-    ("recovered", ("with rehearsal", ALONE), ("from the champion", ALONE)),
-    ("retained", ("with rehearsal", ALONE), ("from the champion", ALONE)),
-    ("retained", ("from the champion", ALONE), (FIXED, ALONE)),
+    ("recovered", WARM, ("from scratch", ALONE)),
+    ("recovered", WARM, (FIXED, PAPER)),
+    ("recovered", ("with rehearsal", ALONE), WARM),
+    ("retained", ("with rehearsal", ALONE), WARM),
+    ("retained", WARM, NOTHING),
 ]
 
 
@@ -123,25 +129,28 @@ class EvolveOrAdapt(epuckhebb.Study):
             for name in names
         }
         recovery, seasons = every["recovery"], every["seasons"]
-        means = seasons.groupby(["device", "period", "controller", "champion"], sort=False).success.mean().reset_index()
+        by = ["device", "period", "controller", "champion"]
+        sums = seasons.groupby(by, sort=False)[["succeeded", "lifetimes"]].sum().reset_index()
         return every | {
             "half": _half(ways := _ways(recovery)),
             "ways": ways,
+            "claims": _claims(recovery, max(self.marks)),
             "tests": _tests(recovery, max(self.marks)),
-            "periods": _periods(means),
-            "season_tests": _season_tests(means, str(self.periods[len(self.periods) // 2])),
+            "periods": _periods(sums),
+            "season_tests": _season_tests(sums, str(self.periods[len(self.periods) // 2])),
             "innate_tests": _innate_tests(every["innate"]),
         }
 
     @classmethod
     def shown(cls, run):
-        """The shares over all worlds at the fixed generations, the hours to recover, and the tests."""
+        """The claims, the shares over all worlds at the fixed generations, the hours to recover, and the tests."""
         ways = run.table("ways.csv")
         ways = ways[ways.world == "all"].drop(columns="world")
         for name in ("recovered", "retained"):
             ends = ways.pop(f"{name}_low"), ways.pop(f"{name}_high")
             ways[name] = [f"{a:.2f} [{b:.2f}, {c:.2f}]" for a, b, c in zip(ways[name], *ends, strict=True)]
-        frames = {"Shares of all cases": ways.round(1)}
+        claims = run.table("claims.csv").round(2)
+        frames = {"Claims; the control is nothing": claims.drop(columns=["counted", "n"]), "All cases": ways.round(1)}
         named = {
             "half": "Robot-hours until half have recovered",
             "tests": "Tests",
@@ -155,7 +164,7 @@ class EvolveOrAdapt(epuckhebb.Study):
         """What is recovered and retained against robot-hours; success in seasons; fitness with the rule off."""
         ways = run.table("ways.csv")
         return {
-            "evolve_or_adapt": _curves(ways[ways.world == "all"]),
+            "evolve_or_adapt": _plane(ways[ways.world == "all"]),
             "seasons": _season_curves(run.table("periods.csv")),
             "innate": _innate_curves(run.table("innate.csv")),
         }
@@ -179,7 +188,7 @@ def _recover(job):
                 outcome = {"recovered": there[controller], "retained": back[controller]}
                 rows.append(case | {"way": way, "controller": controller} | cost | outcome)
 
-        judge(FIXED, genome, "compare=[late]")
+        judge(FIXED, genome, ADAPTED)
         for rule in RULES:
             if rule not in learners:
                 words = [f"genome=reference_{job['champion']}", f"hebbian={rule}", "training=varied"]
@@ -203,12 +212,13 @@ def _recover(job):
 def _seasons(job):
     """A champion whose world changes every so many generations: evolved with each device, and with plasticity."""
     genome, worlds = load_genome(f"reference_{job['champion']}", "light"), ("lowlight", "highlight")
-    fixed = {world: _success(genome, world, job["repeats"]) for world in (*worlds, "highlight+light_changes")}
+    fixed = {world: _succeeded(genome, world, job["repeats"]) for world in (*worlds, "highlight+light_changes")}
     rows = []
 
-    def add(device, period, generation, success):
+    def add(device, period, generation, succeeded):
         whole = {"champion": job["champion"], "device": device, "period": period, "generation": generation}
-        rows.extend(whole | {"controller": name, "success": share} for name, share in success.items())
+        of = {"lifetimes": 2 * job["repeats"]}
+        rows.extend(whole | {"controller": name, "succeeded": count} | of for name, count in succeeded.items())
 
     add(FIXED, WITHIN, 0, fixed["highlight+light_changes"])
     for period in (*job["periods"], NEVER):
@@ -217,19 +227,19 @@ def _seasons(job):
             start = f"start=reference_{job['champion']}"
             for _, one, *_ in _evolved("lowlight", 1000 + job["champion"], job["generations"], start, *words, *own):
                 world = worlds[0 if period == NEVER else (one.number + 1) // period % 2]  # of the next generation
-                success = _success(replace(genome, genes=one.champion), world, job["repeats"])
-                add(device, str(period), one.number, success)
+                succeeded = _succeeded(replace(genome, genes=one.champion), world, job["repeats"])
+                add(device, str(period), one.number, succeeded)
                 if device == "plain":
                     add(FIXED, str(period), one.number, fixed[world])
     return {"seasons": pd.DataFrame(rows)}
 
 
 def _innate(job):
-    """The best fitness of every generation, and the same with the rule off."""
-    words = ["training=varied", *INHERITED[job["way"]]]
+    """Fitness of the fittest of every generation in fresh lifetimes, and in these with the rule off."""
+    words = ["training=varied", "hebbian=baldwin", "training.rule_off=true", *INHERITED[job["way"]]]
     rows = [
         {"way": job["way"], "seed": job["seed"], "generation": one.number}
-        | {"best_fitness": one.fitness.max(), "rule_off": np.nan if one.rule_off is None else one.rule_off}
+        | dict(zip(("fitness", "rule_off"), one.again, strict=True))
         for _, one, *_ in _evolved("base", job["seed"], job["generations"], *words)
     ]
     return {"innate": pd.DataFrame(rows)}
@@ -273,9 +283,9 @@ def _solved(shares):
     return (shares > 0.5).all(axis=1)
 
 
-def _success(genome, world, repeats):
-    """The share of lifetimes that succeed, for each controller."""
-    return _shares(genome, world, 2, repeats).mean(axis=1).to_dict()
+def _succeeded(genome, world, repeats):
+    """How many lifetimes of both sides succeed, for each controller."""
+    return (_shares(genome, world, 2, repeats) * repeats).sum(axis=1).round().astype(int).to_dict()
 
 
 def _ways(recovery):
@@ -301,6 +311,21 @@ def _half(ways):
     return pd.DataFrame(rows)
 
 
+def _claims(recovery, last):
+    """Whether evolution forgets, and whether adaptation replaces it; each beside the champion that does nothing."""
+    at_end = recovery[recovery.generation.isin([0, last])].set_index(["way", "controller", *WHO, "world"]).sort_index()
+    lost, back = ~at_end.retained.astype(bool), at_end.recovered.astype(bool)
+    asked = [("forgets", "cases: a side fails in training afterwards", lost, one, ~lost[one].isna()) for one in FORGETS]
+    counted = f"cases that evolution {WARM[0]} recovers: it does, too"
+    asked += [("replaces evolution", counted, back, one, back[WARM]) for one in REPLACES]
+    rows = []
+    for text, counted, true, one, among in asked:
+        counts = pd.DataFrame({"true": true[one] & among, "of": among, "control": true[NOTHING] & among})
+        sums = counts.groupby(WHO).sum()
+        rows.append(claim(f"{' + '.join(one)} {text}", counted, *(sums[name].to_numpy() for name in sums)))
+    return pd.DataFrame(rows)
+
+
 def _tests(recovery, last):
     """The comparisons of the plan, after the last fixed generation; differences in cases, over champions."""
     rows = []
@@ -315,34 +340,37 @@ def _tests(recovery, last):
     return pd.DataFrame(rows).assign(p_holm=holm([row["p"] for row in rows]))
 
 
-def _periods(means):
+def _periods(sums):
     """Mean success over champions with its interval, for each device, period and controller."""
     rows = []
-    for place, own in means.groupby(["device", "period", "controller"], sort=False):
-        low, high = bootstrap(mean, own.success.to_numpy())
+    for place, own in sums.groupby(["device", "period", "controller"], sort=False):
+        shares = (own.succeeded / own.lifetimes).to_numpy()
+        low, high = bootstrap(mean, shares)
         row = dict(zip(("device", "period", "controller"), place, strict=True)) | {"champions": len(own)}
-        rows.append(row | {"success": own.success.mean(), "success_low": low, "success_high": high})
+        rows.append(row | {"success": shares.mean(), "success_low": low, "success_high": high})
     return pd.DataFrame(rows)
 
 
-def _season_tests(means, period):
+def _season_tests(sums, period):
     """Each device against the plain GA, and the plain GA against the champion with plasticity, at one period."""
-    own = means[means.period == period].set_index(["device", "controller", "champion"]).success.sort_index()
+    own = sums[sums.period == period].set_index(["device", "controller", "champion"]).sort_index()
     pairs = [((device, ALONE), ("plain", ALONE)) for device in list(DEVICES)[1:]]
     pairs.append((("plain", ALONE), (FIXED, PAPER)))
     rows = []
     for one, other in pairs:
-        difference = (own[one] - own[other]).to_numpy()
+        difference = (own.succeeded[one] - own.succeeded[other]).to_numpy()
+        shares = difference / own.lifetimes[one].to_numpy()
+        low, high = bootstrap(mean, shares)
         row = {"way": " + ".join(one), "other": " + ".join(other), "period": period, "champions": len(difference)}
-        p = sign_flip_of_shares(difference) if len(difference) > 1 else 1.0
-        rows.append(row | {"difference": difference.mean(), "p": p})
+        row |= {"difference": shares.mean(), "difference_low": low, "difference_high": high}
+        rows.append(row | {"p": sign_flip(difference)})
     return pd.DataFrame(rows).assign(p_holm=holm([row["p"] for row in rows]))
 
 
 def _innate_tests(innate):
-    """What the rule adds to the best fitness in the first and in the last third of the generations, over seeds."""
+    """What the rule adds to fitness in the first and in the last third of the generations, over seeds."""
     rows = []
-    for way, own in innate.dropna().assign(gap=innate.best_fitness - innate.rule_off).groupby("way", sort=False):
+    for way, own in innate.assign(gap=innate.fitness - innate.rule_off).groupby("way", sort=False):
         gaps = own.pivot_table(index="generation", columns="seed", values="gap")
         third = -(-len(gaps) // 3)
         first, last = gaps[:third].mean(), gaps[-third:].mean()
@@ -353,71 +381,80 @@ def _innate_tests(innate):
 
 
 _COLOURS = {"from the champion": "#0072B2", "from scratch": "#999999", "with rehearsal": "#009E73"}
-_POINTS = {(FIXED, ALONE): ("nothing", "x", "black"), (FIXED, PAPER): ("the paper's plasticity", "o", "#D55E00")}
+_POINTS = {NOTHING: ("nothing", "X", "black"), (FIXED, PAPER): ("the paper's plasticity", "o", "#D55E00")}
 _POINTS |= {(FIXED, LATE): ("late", "s", "#E69F00"), ("baldwin_n", "baldwin_n"): ("baldwin_n", "^", "#CC79A7")}
 _POINTS |= {("modulated", "modulated"): ("modulated", "v", "#56B4E9")}
 
 
-def _curves(ways):
-    """Two panels, recovered and forgotten, against the robot-hours that were spent in the changed world."""
-    figure = Figure(figsize=(9, 4), layout="constrained")
-    titles = {
-        "recovered": "Recovered: solves the changed world",
-        "retained": "Not forgotten: still solves the training world",
-    }
-    for axes, (name, title) in zip(figure.subplots(1, 2, sharex=True, sharey=True), titles.items(), strict=True):
-        for (way, controller), own in ways.groupby(["way", "controller"], sort=False):
-            away = np.array([own[name] - own[f"{name}_low"], own[f"{name}_high"] - own[name]])
-            away = None if np.isnan(away).any() else away
-            if way in _COLOURS and controller == ALONE:
-                look = {"color": _COLOURS[way], "label": f"evolve {way}", "marker": "o", "capsize": 2}
-                axes.errorbar(own.robot_hours, own[name], away, **look)
-            elif (way, controller) in _POINTS:
-                label, marker, colour = _POINTS[way, controller]
-                axes.errorbar([0], own[name], away, fmt=marker, color=colour, label=label, capsize=2)
-        axes.set(title=title, xlabel="robot-hours in the changed world", ylim=(-0.03, 1.03))
-        axes.set_xscale("symlog", linthresh=5, base=2)
-        axes.set_xticks(ticks := sorted(ways.robot_hours.round(1).unique()), [f"{tick:g}" for tick in ticks])
-        tidy(axes, "y")
-    figure.axes[0].set_ylabel("share of cases")
-    handles = figure.axes[0].get_legend_handles_labels()
-    figure.legend(*handles, frameon=False, loc="outside lower center", ncols=4, fontsize=8)
-    figure.set_label("Time to recover, and what is forgotten: shares of the cases with 95 % intervals over champions")
+def _plane(ways):
+    """What is recovered against what is not forgotten: of evolution a path over generations, of others a point."""
+    figure = Figure(figsize=(8, 5.2), layout="constrained")
+    axes = figure.subplots()
+    axes.axhspan(0.5, 1.05, 0.5, color="#009E73", alpha=0.08, zorder=0)
+    for (way, controller), own in ways.groupby(["way", "controller"], sort=False):
+        if way in _COLOURS and controller == ALONE:
+            look = {"color": _COLOURS[way], "label": f"evolution {way}"}
+            axes.plot(own.recovered, own.retained, marker="o", linewidth=2, **look)
+            for _, one in own.iterrows():
+                place = {"xytext": (4, 3), "textcoords": "offset points"}
+                axes.annotate(
+                    f"{one.robot_hours:.0f} h", (one.recovered, one.retained), **place, color=look["color"], fontsize=8
+                )
+        elif (way, controller) in _POINTS:
+            name, marker, colour = _POINTS[way, controller]
+            look = {"color": colour, "label": f"{name} (0 h)"}
+            axes.plot(own.recovered, own.retained, marker, markersize=9, **look)
+        else:
+            continue
+        end = own.iloc[-1]
+        for name, line in (("recovered", axes.hlines), ("retained", axes.vlines)):
+            other = end["retained" if name == "recovered" else "recovered"]
+            line(other, end[f"{name}_low"], end[f"{name}_high"], color=look["color"], alpha=0.5)
+    axes.set(xlim=(-0.02, 1.05), ylim=(-0.03, 1.05), xlabel="recovered: share of cases that solve the changed world")
+    axes.set_ylabel("not forgotten: share that still solves the training world")
+    axes.text(1.03, 1.03, "recovers and remembers", ha="right", va="top", color="#00664b")
+    axes.text(1.03, 0.0, "recovers and forgets", ha="right", color="grey")
+    tidy(axes)
+    figure.legend(frameon=False, loc="outside lower center", ncols=3, fontsize=9)
+    figure.set_label(
+        "Evolve or adapt: what is recovered against what is not forgotten, after so many robot-hours in the changed "
+        "world; lines are 95 % intervals over champions"
+    )
     return figure
 
 
 def _season_curves(periods):
     """Success in the next generation's world against the period, a line for each device, alone and with plasticity."""
-    figure = Figure(figsize=(6.4, 4), layout="constrained")
+    figure = Figure(figsize=(6.4, 4.4), layout="constrained")
     axes = figure.subplots()
     order = list(dict.fromkeys(periods.period))
     for (device, controller), own in periods.groupby(["device", "controller"], sort=False):
         if controller == PAPER and device not in (FIXED, "plain"):
             continue
-        label = f"{device}, {'with plasticity' if controller == PAPER else 'alone'}"
-        line = "--" if controller == PAPER else "-"
-        axes.plot([order.index(period) for period in own.period], own.success, line, marker="o", label=label)
-    axes.set_xticks(range(len(order)), order)
-    axes.set(
-        xlabel="generations until the world changes (5 robot-hours each)", ylabel="success in the next", ylim=(0, 1)
-    )
+        name = "champion, never evolved" if device == FIXED else f"evolution, {device}"
+        look = {"color": "black" if device == FIXED else None, "linestyle": "--" if controller == PAPER else "-"}
+        label = f"{name}{' + plasticity' * (controller == PAPER)}"
+        axes.plot([order.index(period) for period in own.period], own.success, marker="o", label=label, **look)
+    hours = [one if one in (NEVER, WITHIN) else f"{GENERATION_HOURS * int(one)} h" for one in order]
+    axes.set_xticks(range(len(order)), hours)
+    axes.set(xlabel="robot-hours until the world changes", ylabel="success in the next generation's world", ylim=(0, 1))
     tidy(axes, "y")
-    axes.legend(frameon=False, fontsize=8)
+    figure.legend(frameon=False, fontsize=8, loc="outside lower center", ncols=3)
     figure.set_label("When the world keeps changing: mean success of the fittest in the next generation's world")
     return figure
 
 
 def _innate_curves(innate):
-    """Best fitness over the generations, with plasticity (lines) and in the same lifetimes without it (dots)."""
+    """Fitness of the fittest over the generations, with plasticity (lines) and without it (dots)."""
     figure = Figure(figsize=(6.4, 4), layout="constrained")
     axes = figure.subplots()
     for (way, own), colour in zip(innate.groupby("way", sort=False), _COLOURS.values(), strict=True):
-        means = own.groupby("generation")[["best_fitness", "rule_off"]].mean()
-        axes.plot(means.index + 1, means.best_fitness, color=colour, label=f"inherits {way}")
+        means = own.groupby("generation")[["fitness", "rule_off"]].mean()
+        axes.plot(means.index + 1, means.fitness, color=colour, label=f"inherits {way}")
         axes.plot(means.index + 1, means.rule_off, ":", color=colour)
-    axes.set(xlabel="generation", ylabel="best fitness (dots: its rule off)")
+    axes.set(xlabel="generation", ylabel="fitness in fresh lifetimes (dots: rule off)")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     tidy(axes, "y")
     axes.legend(frameon=False, fontsize=8)
-    figure.set_label("Does it become innate? Best fitness with plasticity, and in the same lifetimes without it")
+    figure.set_label("Does it become innate? Fitness of the fittest in fresh lifetimes, with plasticity and without it")
     return figure

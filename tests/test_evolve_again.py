@@ -11,7 +11,7 @@ import pytest
 from cases import contents, described_columns, done, refused
 
 import epuckhebb
-from epuckhebb.analysis.evolutions import summary
+from epuckhebb.analysis.evolutions import readable, summary
 from epuckhebb.config import EvolveConfig, load
 from epuckhebb.controller.genome import GenomePlan, Part
 from epuckhebb.controller.plasticity.rules.paper import Paper
@@ -188,8 +188,9 @@ def test_the_baldwin_effect_of_hinton_and_nowlan(monkeypatch):
     instinct = list(evolution.evolve(ga, Scenario(), SHORT, 2))
     assert max(one.fitness.max() for one in instinct) == 1  # a needle in a haystack: nobody finds it
     middle = next(one for one in learning if one.fitness.mean() > 5)
-    assert (learning[0].rule_off, middle.rule_off) == (1, 1)  # learnt first,
-    assert learning[-1].rule_off > 19.9  # then innate
+    assert (learning[0].again[1], middle.again[1]) == (1, 1)  # learnt first,
+    assert middle.again[0] > 5
+    assert min(learning[-1].again) > 19.9  # then innate
     assert evolution.history_row(learning[-1])["best_fitness_rule_off"] > 19.9
     assert "best_fitness_rule_off" not in evolution.history_row(instinct[-1])
 
@@ -218,3 +219,6 @@ def test_hours_to_success_are_a_median_over_all_evolutions():
     assert np.isnan(few.hours_to_success)
     assert most.hours_to_success == pytest.approx(3)
     assert summary([({}, [history(False)])], fitness=0.8).hours_to_success[0] == pytest.approx(1)
+    without = summary([({}, [history(False).drop(columns="best_success")])])  # an environment
+    assert list(without.columns[:3]) == ["n", "robot_steps", "best_fitness"]
+    assert readable(without).rows[0][-1] == "4.5e+05"

@@ -26,7 +26,7 @@ from epuckhebb.tmaze.samples import Samples
 
 _PANELS = 4  # side by side
 _CURVES = {"best_fitness": ("#0072B2", "-"), "mean_fitness": ("#E69F00", "--")}
-_CURVES["best_fitness_rule_off"] = ("#D55E00", ":")
+_CURVES |= {"best_fitness_again": ("#009E73", "-."), "best_fitness_rule_off": ("#D55E00", ":")}
 _WEIGHT_CHANGE = "weight change\n(mean of sum |W − W_gene|)"
 _NAMED = 8  # rates for whose names an axis has room
 _AS_NUMBER = StrMethodFormatter("{x:g}")  # 100, not 10 to the 2

@@ -13,7 +13,8 @@ from epuckhebb.analysis.tables import Table, plain
 from epuckhebb.tmaze.robot import STEP_S
 
 _NEVER = 1e12  # robot-hours; more than any evolution has
-_VALUES = ("best_fitness", "best_success", "hours_to_success")
+_TO_SUCCESS = "hours_to_success"
+_HEADINGS = {"best_fitness": "best fitness", "best_success": "its success", _TO_SUCCESS: "hours to success"}
 HOURS = STEP_S / 3600  # of a robot-step
 
 Histories = Sequence[tuple[Mapping[str, Any], Sequence[pd.DataFrame]]]
@@ -24,18 +25,24 @@ def summary(evolutions: Histories, fitness: float | None = None) -> pd.DataFrame
 
     evolutions: for each way its settings, and the `history.csv` of each seed. fitness: robot-hours are those until the
     best fitness reaches this; None: until all lifetimes of the fittest end at the goal. They are the median over all
-    seeds, those that never reach it included, and empty if half of them do not. Intervals: bootstrap over seeds.
+    seeds, those that never reach it included, and empty if half of them do not. Intervals: bootstrap over seeds. An
+    environment knows no success, and no hours.
     """
     rows = []
     for settings, histories in evolutions:
-        lasts = [history.iloc[-1] for history in histories]
-        hours = np.array([_hours(history, fitness) for history in histories])
-        row = {**settings, "n": len(lasts), "robot_hours": np.mean([h.robot_steps.sum() for h in histories]) * HOURS}
-        row["n_reached"] = int((hours < _NEVER).sum())
-        for name in _VALUES:
-            values = hours if name == _VALUES[-1] else np.array([last[name] for last in lasts], float)
-            statistic = _median if name == _VALUES[-1] else mean
-            numbers = float(statistic(values)), *bootstrap(statistic, values)
+        values = {
+            name: np.array([one[name].iloc[-1] for one in histories]) for name in _HEADINGS if name in histories[0]
+        }
+        steps = np.mean([history.robot_steps.sum() for history in histories])
+        row = {**settings, "n": len(histories)}
+        if "best_success" in values:
+            values[_TO_SUCCESS] = hours = np.array([_hours(history, fitness) for history in histories])
+            row |= {"robot_hours": steps * HOURS, "n_reached": int((hours < _NEVER).sum())}
+        else:
+            row["robot_steps"] = steps
+        for name, own in values.items():
+            statistic = _median if name == _TO_SUCCESS else mean
+            numbers = float(statistic(own)), *bootstrap(statistic, own)
             known = [number if number < _NEVER else math.nan for number in numbers]
             row |= dict(zip((name, f"{name}_low", f"{name}_high"), known, strict=True))
         rows.append(row)
@@ -45,12 +52,15 @@ def summary(evolutions: Histories, fitness: float | None = None) -> pd.DataFrame
 def readable(table: pd.DataFrame) -> Table:
     """The table to read."""
     settings = list(table.columns[: table.columns.get_loc("n")])
+    cost = "robot_hours" if "robot_hours" in table else "robot_steps"
+    names = [name for name in _HEADINGS if name in table]
     rows = []
     for row in table.to_dict("records"):
-        cells = [_with_interval(row, name) for name in _VALUES]
-        cells[-1] += f" ({row['n_reached']} of {row['n']})"
-        rows.append([*(plain(str(row[key])) for key in settings), str(row["n"]), *cells, f"{row['robot_hours']:.4g}"])
-    headings = [*map(plain, settings), "n", "best fitness", "its success", "robot-hours to success", "robot-hours"]
+        cells = [_with_interval(row, name) for name in names]
+        if "n_reached" in row:
+            cells[-1] += f" ({row['n_reached']} of {row['n']})"
+        rows.append([*(plain(str(row[key])) for key in settings), str(row["n"]), *cells, f"{row[cost]:.4g}"])
+    headings = [*map(plain, settings), "n", *(_HEADINGS[name] for name in names), plain(cost)]
     return Table(headings, rows, "Evolutions: means over seeds, 95 % intervals", text=len(settings))
 
 

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _START_SPREAD = np.array([0.005, 0.010, 0.1])  # m, m, rad at a start noise of 1
+_NEVER = 1_000_000  # generations; more than any evolution has
 _TRIALS = tuple(reversed(SIDES))  # lamp on (right) first, as in the published program
 
 
@@ -42,9 +43,9 @@ class Generation:
 
     number: from 0. fitness: (individuals,). success: (individuals,) share of each one's lifetimes that ended at the
     goal. champion: (genes,) the fittest; after the last generation, the best of the optimizer's candidates.
-    champion_fitness: by which it was chosen. rule_off: fitness of the fittest in the same lifetimes without plasticity;
-    None if it was not measured. log: all results so far, for the optimizer. tables: what
-    it has to show, by name. robot_steps, seconds: cost.
+    champion_fitness: by which it was chosen. again: fitness of the fittest in fresh lifetimes, with plasticity and
+    without; None if it was not measured. log: all results so far, for the optimizer. tables: what it has to show, by
+    name. robot_steps, seconds: cost.
     """
 
     number: int
@@ -56,7 +57,7 @@ class Generation:
     tables: dict[str, "pd.DataFrame"]
     robot_steps: int
     seconds: float
-    rule_off: float | None = None
+    again: tuple[float, float] | None = None
 
 
 class Evaluator(Protocol):
@@ -71,8 +72,8 @@ class Evaluator(Protocol):
     ) -> tuple[Floats, Floats, dict[str, Floats], int]:
         """Mean fitness and success of each individual, measures by name, and the steps that were run."""
 
-    def rule_off(self, genes: Floats, generation: int) -> float | None:
-        """The fitness of an individual in the lifetimes of a generation, without plasticity; None if not asked for."""
+    def again(self, genes: Floats, generation: int) -> tuple[float, float] | None:
+        """Fitness of an individual in fresh lifetimes, with plasticity and without; None if not asked for."""
 
 
 def evolve(
@@ -141,7 +142,7 @@ def search_generations(
         search.tell(fitness, measures)
         best = int(np.argmax(fitness))
         champion, champion_fitness = population[best], float(fitness[best])
-        rule_off = evaluator.rule_off(champion, number)
+        again = evaluator.again(champion, number)
         candidates = whole(search.candidates())
         if learns and not optimizer.confirm:
             candidates = population[np.argsort(-fitness, kind="stable")[:CANDIDATES]]
@@ -162,7 +163,7 @@ def search_generations(
             tables=search.tables(),
             robot_steps=robot_steps,
             seconds=time.perf_counter() - began,
-            rule_off=rule_off,
+            again=again,
         )
 
 
@@ -240,14 +241,16 @@ class _Evaluator(NamedTuple):
             measured[LEARNT] = learnt / (self.loops * len(_TRIALS))
         return fitness, success, measured, robot_steps
 
-    def rule_off(self, genes: Floats, generation: int) -> float | None:
-        """See `Evaluator`."""
+    def again(self, genes: Floats, generation: int) -> tuple[float, float] | None:
+        """See `Evaluator`: the lifetimes are fresh, since in those of its generation the fittest was lucky."""
         if not self.training.rule_off:
             return None
         plan = plan_of(self.network, type(self.controller.rule))
-        training = replace(self.training, lamarckian=False)
-        alone = self._replace(controller=GA_ALONE, training=training)
-        return float(alone.evaluate(plan.pick(genes, plan.of_network)[None], generation)[0][0])
+        own = self._replace(training=replace(self.training, lamarckian=False))
+        pairs = (own, genes), (own._replace(controller=GA_ALONE), plan.pick(genes, plan.of_network))
+        fresh = generation + 2 * (self.training.season or 1) * _NEVER  # is in the same season
+        with_rule, without = (float(one.evaluate(some[None], fresh)[0][0]) for one, some in pairs)
+        return with_rule, without
 
     def _individuals(self, population: Floats, generation: int, loops: list[int], world: World) -> Iterator[Individual]:
         """The individuals of these loops of a generation, which share one world: each genome, on either side."""
@@ -288,4 +291,4 @@ def history_row(generation: Generation) -> dict[str, Any]:
         "worst_fitness": generation.fitness.min(),
         **({} if np.isnan(generation.success).any() else successes),  # an environment knows no success
         "robot_steps": generation.robot_steps,
-    } | ({} if generation.rule_off is None else {"best_fitness_rule_off": generation.rule_off})
+    } | dict(zip(("best_fitness_again", "best_fitness_rule_off"), generation.again or (), strict=False))

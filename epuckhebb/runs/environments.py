@@ -144,7 +144,7 @@ class _Evaluator:
         steps = sum(len(lived.rewards) for lives in found for lived in lives)
         return fitness, np.full(len(fitness), np.nan), {}, steps
 
-    def rule_off(self, genes: Floats, generation: int) -> None:
+    def again(self, genes: Floats, generation: int) -> None:
         """Not measured in an environment."""
 
 
