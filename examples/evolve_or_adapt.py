@@ -96,8 +96,8 @@ class EvolveOrAdapt(epuckhebb.Study):
         """Take the settings of a smoke test."""
         if self.quick:
             self.champions, self.marks, self.rule_generations, self.repeats = 2, [1, 2], 1, 3
-            self.season_champions, self.periods, self.season_generations = 2, [1], 3
-            self.innate_seeds, self.innate_generations = 2, 3
+            self.season_champions, self.periods, self.season_generations = 1, [1], 2
+            self.innate_seeds, self.innate_generations = 1, 3
 
     def plan(self):
         """A job for each champion of each experiment, one for each in seasons, and one for each that becomes innate."""
@@ -144,20 +144,20 @@ class EvolveOrAdapt(epuckhebb.Study):
     @classmethod
     def shown(cls, run):
         """The claims, the shares over all worlds at the fixed generations, the hours to recover, and the tests."""
-        ways = run.table("ways.csv")
-        ways = ways[ways.world == "all"].drop(columns="world")
+        ways, claims = run.table("ways.csv"), run.table("claims.csv")
+        ways = ways[ways.world == "all"].drop(columns="world").round({"robot_hours": 1, "contact_hours": 1})
         for name in ("recovered", "retained"):
-            ends = ways.pop(f"{name}_low"), ways.pop(f"{name}_high")
-            ways[name] = [f"{a:.2f} [{b:.2f}, {c:.2f}]" for a, b, c in zip(ways[name], *ends, strict=True)]
-        claims = run.table("claims.csv").round(2)
-        frames = {"Claims; the control is nothing": claims.drop(columns=["counted", "n"]), "All cases": ways.round(1)}
-        named = {
-            "half": "Robot-hours until half have recovered",
-            "tests": "Tests",
-            "season_tests": "Tests, seasons",
-            "innate_tests": "Rule off",
+            ways = _with_interval(ways, name, f"{name}_")
+        for name, ends in (("share", ""), ("control_share", "control_")):
+            claims = _with_interval(claims, name, ends)
+        claims = claims[["claim", "true", "n", "share", "control_share", "verdict"]]
+        frames = {
+            "Claims": claims.rename(columns={"control_share": "nothing"}),
+            "Shares of all cases": ways,
+            "Robot-hours until half have recovered": run.table("half.csv").dropna(),
         }
-        frames |= {title: run.table(f"{name}.csv").round(3) for name, title in named.items()}
+        for name, title in {"tests": "Tests", "season_tests": "Tests, seasons", "innate_tests": "Rule off"}.items():
+            frames[title] = _with_interval(run.table(f"{name}.csv").round(4), "difference", "difference_")
         return [Table(list(own), own.map(str).to_numpy().tolist(), title, 2) for title, own in frames.items()]
 
     def figures(self, run):
@@ -168,6 +168,14 @@ class EvolveOrAdapt(epuckhebb.Study):
             "seasons": _season_curves(run.table("periods.csv")),
             "innate": _innate_curves(run.table("innate.csv")),
         }
+
+
+def _with_interval(table, name, ends):
+    """A table in which a column has its interval beside it, and the columns of the interval are gone."""
+    low, high = table.pop(f"{ends}low"), table.pop(f"{ends}high")
+    rows = zip(table[name], low, high, strict=True)
+    table[name] = [f"{a:.2f} [{b:.2f}, {c:.2f}]" if pd.notna(b) else f"{a:.2f}" for a, b, c in rows]
+    return table
 
 
 def _recover(job):

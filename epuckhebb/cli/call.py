@@ -72,6 +72,7 @@ def run_study(planned: "Planned", output: Output, *, dry_run: bool = False) -> N
         return
     outcome = conduct(planned)
     facts = {"command": planned.study.command, "folder": str(folder), **outcome.as_json()}
-    output.print(lambda: show.as_json(folder) | facts, lambda console: results.print_results(folder, console))
+    kind = type(planned.study)
+    output.print(lambda: show.as_json(folder) | facts, lambda console: results.print_results(folder, console, kind))
     if outcome.failures:
         raise JobFailedError(planned.failure(outcome))
