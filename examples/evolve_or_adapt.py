@@ -14,7 +14,7 @@ from matplotlib.ticker import MaxNLocator
 import epuckhebb
 from epuckhebb.analysis.claims import claim
 from epuckhebb.analysis.evolutions import HOURS
-from epuckhebb.analysis.figures import tidy
+from epuckhebb.analysis.image import in_house_style
 from epuckhebb.analysis.statistics import bootstrap, holm, mean, sign_flip, wilson_by_champion
 from epuckhebb.analysis.tables import Table
 from epuckhebb.config import EvaluateConfig, EvolveConfig, load
@@ -394,9 +394,10 @@ _POINTS |= {(FIXED, LATE): ("late", "s", "#E69F00"), ("baldwin_n", "baldwin_n"):
 _POINTS |= {("modulated", "modulated"): ("modulated", "v", "#56B4E9")}
 
 
+@in_house_style()
 def _plane(ways):
     """What is recovered against what is not forgotten: of evolution a path over generations, of others a point."""
-    figure = Figure(figsize=(8, 5.2), layout="constrained")
+    figure = Figure(figsize=(8, 5.2))
     axes = figure.subplots()
     axes.axhspan(0.5, 1.05, 0.5, color="#009E73", alpha=0.08, zorder=0)
     for (way, controller), own in ways.groupby(["way", "controller"], sort=False):
@@ -422,8 +423,7 @@ def _plane(ways):
     axes.set_ylabel("not forgotten: share that still solves the training world")
     axes.text(1.03, 1.03, "recovers and remembers", ha="right", va="top", color="#00664b")
     axes.text(1.03, 0.0, "recovers and forgets", ha="right", color="grey")
-    tidy(axes)
-    figure.legend(frameon=False, loc="outside lower center", ncols=3, fontsize=9)
+    figure.legend(loc="outside lower center", ncols=3, fontsize=9)
     figure.set_label(
         "Evolve or adapt: what is recovered against what is not forgotten, after so many robot-hours in the changed "
         "world; lines are 95 % intervals over champions"
@@ -431,9 +431,10 @@ def _plane(ways):
     return figure
 
 
+@in_house_style()
 def _season_curves(periods):
     """Success in the next generation's world against the period, a line for each device, alone and with plasticity."""
-    figure = Figure(figsize=(6.4, 4.4), layout="constrained")
+    figure = Figure(figsize=(6.4, 4.4))
     axes = figure.subplots()
     order = list(dict.fromkeys(periods.period))
     for (device, controller), own in periods.groupby(["device", "controller"], sort=False):
@@ -446,15 +447,16 @@ def _season_curves(periods):
     hours = [one if one in (NEVER, WITHIN) else f"{GENERATION_HOURS * int(one)} h" for one in order]
     axes.set_xticks(range(len(order)), hours)
     axes.set(xlabel="robot-hours until the world changes", ylabel="success in the next generation's world", ylim=(0, 1))
-    tidy(axes, "y")
-    figure.legend(frameon=False, fontsize=8, loc="outside lower center", ncols=3)
+    axes.grid(axis="y")
+    figure.legend(fontsize=8, loc="outside lower center", ncols=3)
     figure.set_label("When the world keeps changing: mean success of the fittest in the next generation's world")
     return figure
 
 
+@in_house_style()
 def _innate_curves(innate):
     """Fitness of the fittest over the generations, with plasticity (lines) and without it (dots)."""
-    figure = Figure(figsize=(6.4, 4), layout="constrained")
+    figure = Figure(figsize=(6.4, 4))
     axes = figure.subplots()
     for (way, own), colour in zip(innate.groupby("way", sort=False), _COLOURS.values(), strict=True):
         means = own.groupby("generation")[["fitness", "rule_off"]].mean()
@@ -462,7 +464,7 @@ def _innate_curves(innate):
         axes.plot(means.index + 1, means.rule_off, ":", color=colour)
     axes.set(xlabel="generation", ylabel="fitness in fresh lifetimes (dots: rule off)")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    tidy(axes, "y")
-    axes.legend(frameon=False, fontsize=8)
+    axes.grid(axis="y")
+    axes.legend(fontsize=8)
     figure.set_label("Does it become innate? Fitness of the fittest in fresh lifetimes, with plasticity and without it")
     return figure
