@@ -1,4 +1,4 @@
-# The two commands of README.md in a container:
+# The line of README.md that sets all up and runs the main job, in a container:
 #
 #   docker build --tag epuckhebb .
 #   docker run --rm epuckhebb

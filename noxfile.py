@@ -169,7 +169,7 @@ def docs(session: nox.Session) -> None:
 
 @nox.session(tags=["heavy"], venv_backend="none")
 def image(session: nox.Session) -> None:
-    """Build the image of the Dockerfile, which runs the two commands of README.md, and run it."""
+    """Build the image of the Dockerfile, which runs the first line of README.md, and run it."""
     builder = next(filter(answers, BUILDERS), None)
     if builder is None:
         session.skip(f"none of {', '.join(BUILDERS)} answers on this machine")

@@ -1,12 +1,13 @@
 """What turns the pages, which are made to be read in the repository, into a site; see `mkdocs.yml`.
 
-The front page is README.md. Pictures from outside of this folder come along. Other links that leave it become the
-text of the link and the path of the file in the repository, or the line. The page of files ends with tables of all
-columns, the page of keys with the files of `conf/`.
+The reports of `runs/reference/` and all pictures come along. Links to other files outside of this folder lead to the
+repository if its address is known (`EPUCKHEBB_REPOSITORY`), and else become the path of the file. Docstrings make the
+reference of the Python interface, `conf/` the page of keys, and `epuckhebb/store/columns.yaml` the tables of files.
 """
 
 import re
 from fnmatch import fnmatch
+from os.path import relpath
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +17,12 @@ from mkdocs.structure.files import File, Files
 
 from epuckhebb.cli.keys import keys_text, known
 
-ROOT = Path(__file__).parents[1]
-LINK = re.compile(r"(?P<text>\[[^]]*\])\((?P<target>[^)#]+)(?P<place>#[^)]*)?\)")
+ROOT, PAGES = Path(__file__).parents[1], Path(__file__).parent
+REFERENCE = ROOT / "runs" / "reference"
+REPORTS = [REFERENCE / "README.md", *sorted(REFERENCE.rglob("report.md"))]
+LINK = re.compile(r"(?P<text>\[[^]]*\])\((?P<target>[^)#\s]+)(?P<place>#[^)]*)?\)")
+PICTURE = re.compile(r"!\[[^]]*\]\(([^)#]+)[^)]*\)")
+IMG = re.compile(r'<img src="([^"]+)" alt="([^"]*)">')
 API = """# Python reference
 
 ::: epuckhebb.api
@@ -31,6 +36,8 @@ API = """# Python reference
 ::: epuckhebb.api.results.Evolution
 
 ::: epuckhebb.api.results.Live
+
+::: epuckhebb.controller.controller.Controller
 
 ::: epuckhebb.controller.plasticity.rule.Rule
 
@@ -47,42 +54,51 @@ API = """# Python reference
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the front page, the reference of the Python interface, and pictures from outside."""
-    front = (ROOT / "README.md").read_text(encoding="utf-8")
-    files.append(File.generated(config, "index.md", content=front.replace("](docs/", "](")))
+    """Add the reference of the Python interface, the reports, and pictures from outside."""
     files.append(File.generated(config, "api.md", content=API))
-    for page in Path(config.docs_dir).glob("*.md"):
-        for picture in re.findall(r"!\[[^]]*\]\(\.\./([^)]+)\)", page.read_text(encoding="utf-8")):
-            if files.get_file_from_path(picture) is None:
-                files.append(File.generated(config, picture, abs_src_path=str(ROOT / picture)))
+    pictures = {
+        (page.parent / picture).resolve()
+        for page in [*PAGES.glob("*.md"), *REPORTS]
+        for picture in PICTURE.findall(IMG.sub(r"![\2](\1)", page.read_text(encoding="utf-8")))
+    }
+    for path in [*REPORTS, *sorted(path for path in pictures if not path.is_relative_to(PAGES))]:
+        files.append(File.generated(config, place_of(path), abs_src_path=str(path)))
     return files
 
 
-def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """Lead links that leave the pages to the pictures that came along; of other files give the path."""
-    if page.file.src_uri == "files.md":
+def place_of(path: Path) -> str:
+    """Where a file of the repository is, or would be, on the site."""
+    return path.relative_to(PAGES if path.is_relative_to(PAGES) else ROOT).as_posix()
+
+
+def on_page_markdown(markdown: str, page: Any, config: MkDocsConfig, files: Files) -> str:
+    """Complete the pages of keys and files, and lead each link to the site, to the repository, or to no place."""
+    own = page.file.src_uri
+    if own == "files.md":
         markdown += columns_of_files()
-    if page.file.src_uri == "keys.md":
+    if own == "keys.md":
         markdown += "".join(f"\n## {name}\n\n```yaml\n{keys_text(name)}```\n" for name in known())
-    inside = Path(__file__).parent
-    folder = ROOT if page.file.src_uri == "index.md" else inside
+    is_report = own.startswith("runs/")
+    if is_report or own == "index.md":  # tables of a report need the whole width
+        page.meta["hide"] = ["navigation", "toc"]
+    folder = (ROOT if is_report else PAGES) / Path(own).parent
 
     def replaced(found: re.Match[str]) -> str:
-        text, target = found["text"], found["target"]
-        path = (folder / target).resolve()
-        if "://" in target or not path.exists() or path.is_relative_to(inside):
+        text, place = found["text"], found["place"] or ""
+        path = (folder / found["target"]).resolve()
+        if "://" in found["target"] or not path.exists():
             return found[0]
         if path == ROOT / "README.md":
-            return f"{text}(index.md)"
-        name = path.relative_to(ROOT).as_posix()
-        if path.suffix == ".png":
-            return f"{text}({name})"
-        label, line = text[1:-1], (found["place"] or "").removeprefix("#L")
-        if line:
-            return f"{label} (line {line})"
-        return label if label.strip("`").rstrip("/") == name else f"{label} (`{name}`)"
+            path = PAGES / "index.md"
+        if files.get_file_from_path(place_of(path)) is not None:
+            return f"{text}({relpath(place_of(path), Path(own).parent)}{place})"
+        name = place_of(path)
+        if config.repo_url:
+            return f"{text}({config.repo_url.rstrip('/')}/{'tree' if path.is_dir() else 'blob'}/main/{name}{place})"
+        label = text[1:-1]
+        return f"`{name}`" if label.strip("`").rstrip("/") == name else f"{label} (`{name}`)"
 
-    return LINK.sub(replaced, markdown)
+    return LINK.sub(replaced, IMG.sub(r"![\2](\1)", markdown))
 
 
 def columns_of_files() -> str:

@@ -3,7 +3,7 @@
     pip install --group ppo -e .
     python examples/ppo.py --steps 300000 --reward progress --seed 1
 
-The docs say what it reached: docs/python.md, "An environment for reinforcement learning".
+The docs say what it reached: docs/python.md, "The maze as an environment".
 """
 
 import argparse

@@ -1,6 +1,7 @@
 """Environments of Gymnasium: evolve, evaluate, changes, bit-identical reruns and processes, sweeps, and bad input."""
 
 import itertools
+import math
 import sys
 from contextlib import chdir
 from pathlib import Path
@@ -13,6 +14,7 @@ from cases import call, check_resumed, described_columns, done, refused
 from PIL import Image
 
 import epuckhebb
+from epuckhebb.analysis.environments import effects
 from epuckhebb.config import load_any
 from epuckhebb.controller.controller import Controller
 from epuckhebb.controller.plasticity.rule import Normalise
@@ -119,6 +121,27 @@ def test_many_runs_get_one_table_over_champions():
     table = pd.read_csv("many/summary.csv")
     assert list(table.controller[:2]) == ["without plasticity", "abcd (without plasticity)"]
     assert (table.champions == 1).all()
+
+
+def test_effects_are_those_of_scipy_on_means_of_champions():
+    rng, names = np.random.default_rng(1), {"plain": 0.0, "abcd": 0.1, "abcd (frozen at the change)": 0.1}
+    rows = [
+        {"environment": "x", "change": "c", "controller": name, "N": rate, "genome": f"{name[:4]}{genome}"}
+        | {"return_after": rng.normal(5 * (name == "abcd"))}
+        for name, rate in names.items()
+        for genome in range(7)
+        for _ in range(3)
+    ]
+    found = effects(pd.DataFrame(rows), ["environment", "change"]).set_index("against")
+    assert list(found) == [name for name in described_columns("effects.csv") if name != "against"]
+    means = pd.DataFrame(rows).groupby(["controller", "genome"], sort=False).return_after.mean()
+    ours, plain, frozen = means["abcd"], means["plain"], means["abcd (frozen at the change)"]
+    assert found.effect["plain"] == pytest.approx(ours.mean() - plain.mean())
+    assert found.p["plain"] == pytest.approx(2 / math.comb(14, 7))
+    paired = ours - frozen
+    signs = np.array(list(itertools.product((1, -1), repeat=7))) @ paired.to_numpy() / 7
+    assert found.p["abcd (frozen at the change)"] == pytest.approx((abs(signs) >= abs(paired.mean()) - 1e-12).mean())
+    assert (found.p_holm >= found.p).all()
 
 
 @pytest.mark.thorough
@@ -251,14 +274,30 @@ def test_bad_input_ends_with_exit_code_2_and_leaves_nothing(words, tmp_path, mon
     assert not Path("runs").exists()
 
 
-def test_dict_observations_and_missing_libraries_are_refused(tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("space", "step", "text"),
+    [
+        ("spaces.Dict(x=spaces.Discrete(2))", "0, 1.0, False, False, {}", "Dict"),
+        ("spaces.Box(-1, 1, (3,))", "raises()", "failed in line"),
+        ("spaces.Box(-1, 1, (3,))", "np.zeros(5), 1.0, False, False, {}", "failed"),
+        ("spaces.Box(-1, 1, (3,))", "np.zeros(3), 1.0, False, {}", "failed"),
+        ("spaces.Box(-1, 1, (3,))", "np.zeros(3), np.nan, False, False, {}", "nan"),
+    ],
+)
+def test_an_environment_of_ones_own_that_fails_is_refused_before_a_run(space, step, text, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("own.py").write_text(
-        "import gymnasium\n\n\nclass Mine(gymnasium.Env):\n"
-        "    observation_space = gymnasium.spaces.Dict(x=gymnasium.spaces.Discrete(2))\n"
-        "    action_space = gymnasium.spaces.Discrete(2)\n"
+        "import gymnasium, numpy as np\nfrom gymnasium import spaces\n\n\nclass Mine(gymnasium.Env):\n"
+        f"    observation_space = {space}\n    action_space = spaces.Discrete(2)\n"
+        "    def reset(self, seed=None, options=None):\n        return np.zeros(3), {}\n"
+        f"    def step(self, action):\n        return {step}\n"
     )
-    assert "Dict" in refused("evolve", "environment=own.py:Mine")
+    assert text in refused("evolve", "environment=own.py:Mine")
+    assert not Path("runs").exists()
+
+
+def test_missing_libraries_are_refused(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     missing = gymnasium.error.DependencyNotInstalled("MuJoCo is not installed")
     monkeypatch.setattr(gymnasium, "make", lambda *_, **__: raises(missing))
     assert "epuckhebb[gym]" in refused("evolve", "environment=ant")

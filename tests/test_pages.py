@@ -82,7 +82,8 @@ def blocks(page, language):
 def shown(page):
     """The commands in the shell blocks of a page, without comments."""
     lines = "".join([*blocks(page, "sh"), *blocks(page, "bash")]).splitlines()
-    return [line.partition(" #")[0].strip() for line in lines if line.startswith("epuckhebb ")]
+    commands = (line.partition(" #")[0].rpartition(" && ")[2].strip() for line in lines)
+    return [line for line in commands if line.startswith("epuckhebb ")]
 
 
 def mentioned(page):
@@ -105,7 +106,7 @@ def folder(tmp_path_factory):
     (folder / "my_conf" / "adaptation").mkdir()
     (folder / "my_conf" / "adaptation" / "mine.yaml").write_text(blocks(ROOT / "docs" / "parts.md", "yaml")[0])
     (folder / "my_conf" / "method").mkdir()
-    for name, text in zip(("mine", "after", "fixed"), blocks(ROOT / "docs" / "leaderboard.md", "yaml"), strict=True):
+    for name, text in zip(("mine", "after", "fixed"), blocks(ROOT / "docs" / "rules.md", "yaml"), strict=True):
         (folder / "my_conf" / "method" / f"{name}.yaml").write_text(text)
     done("evolve", *brief("evolve", []), f"hydra.run.dir={folder}/runs/evolve/RUN")
     (folder / "runs" / "evolve" / "cma_me").mkdir()
@@ -191,7 +192,7 @@ def test_the_commands_of_pages_are_understood(pages, folder, monkeypatch):
 
 
 def test_what_n_means_per_metre_has_the_numbers_of_the_answer():
-    (script,) = blocks(ROOT / "docs" / "faq.md", "python")
+    _, script = blocks(ROOT / "docs" / "tutorial.md", "python")
     names = {}
     exec(script, names)
     for name, shown in (("steps", ".0f"), ("fast", ".1f"), ("slow", ".1f"), ("small", ".2f")):
@@ -199,7 +200,7 @@ def test_what_n_means_per_metre_has_the_numbers_of_the_answer():
 
 
 @pytest.mark.thorough
-def test_the_methods_of_the_leaderboard_page_can_be_listed(folder, monkeypatch):
+def test_the_methods_of_the_page_of_rules_can_be_listed(folder, monkeypatch):
     monkeypatch.chdir(folder)
     done("leaderboard", "obstacles", "methods=mine,after,fixed", "champions=1", "--config-dir", "my_conf", "--dry-run")
 
@@ -242,7 +243,7 @@ def test_the_tutorial(checkout, monkeypatch):
     for line in shown(page):
         _, command, *words = shlex.split(line)
         done(command, *words, *more.get(command, brief(command, words) if command == "evolve" else []))
-    (plot,) = blocks(page, "python")
+    plot, _ = blocks(page, "python")
     exec(plot, {})
     assert (checkout / "dim.png").read_bytes().startswith(b"\x89PNG")
 
@@ -265,19 +266,16 @@ def test_the_python_page(monkeypatch):
     assert Path("paths.pdf").is_file()
 
 
-@pytest.mark.thorough
-@pytest.mark.usefixtures("checkout")
-def test_the_python_of_the_readme_runs(monkeypatch):
-    evolve = epuckhebb.evolve
-    monkeypatch.setattr(epuckhebb, "evolve", lambda **more: evolve("lifetime.duration_s=1", *BRIEF_GA, **more))
-    (script,) = (block for block in blocks(ROOT / "README.md", "python") if block.startswith("import"))
+def test_the_python_of_the_readme_acts_and_learns():
+    (script,) = blocks(ROOT / "README.md", "python")
     names = {}
     exec(script, names)
-    assert set(names["result"].metrics.controller) == {"GA", "Hebbian"}
+    assert names["wheels"].shape == (2,)
+    assert names["controller"].weight_change > 0
 
 
-def test_the_python_of_the_page_of_the_inside_runs(capsys):
-    (script,) = blocks(ROOT / "docs" / "inside.md", "python")
+def test_a_lifetime_in_pieces_runs_as_shown(capsys):
+    (script,) = blocks(ROOT / "docs" / "contribute.md", "python")
     exec(script, {})
     assert float(capsys.readouterr().out) > 0
 
@@ -307,7 +305,7 @@ def test_the_python_of_the_parts_page_runs(checkout, monkeypatch):
 @pytest.mark.parametrize(
     ("example", "pages"),
     [
-        ("own_rule/my_rules", ("docs/parts.md", "README.md")),
+        ("own_rule/my_rules", ("docs/parts.md",)),
         ("own_fitness/my_fitness", ("docs/parts.md",)),
         ("own_sensor/my_sensors", ("docs/parts.md",)),
         ("own_signal/my_signals", ("docs/parts.md",)),
@@ -345,3 +343,8 @@ def test_links_lead_somewhere(page):
             found = page.parent / file if file else page
             assert found.exists(), target
             assert not place or place in anchors(found), target
+
+
+def test_the_paper_cites_what_its_bibliography_has():
+    text, bib = ((ROOT / "paper" / f"paper.{name}").read_text() for name in ("md", "bib"))
+    assert set(re.findall(r"@(\w+\d{4})", text)) == set(re.findall(r"^@\w+{(\w+),", bib, re.MULTILINE))

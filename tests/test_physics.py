@@ -90,7 +90,7 @@ def test_is_bit_identical_to_pymunk_stepping_always_until_two_walls_are_touched_
             now = (*body.position, body.angle, *body.velocity, body.angular_velocity)
             touched = []
             body.each_arbiter(touched.append)
-            if len(touched) > 1:  # pymunk solves two contacts in an order that depends on the past: docs/inside.md
+            if len(touched) > 1:  # pymunk solves two contacts in an order that depends on the past: docs/contribute.md
                 return
             np.testing.assert_array_equal(space.handles.state[:6], now)
 

@@ -294,8 +294,10 @@ def test_no_file_but_the_page_is_served(live, path):
 
 BAD_BODIES = [b"", b"{", b"\xff", b"[" * 30000]
 BAD_BODIES += [b'{"do": "change", "values": 3}', b'{"do": "speed", "value": "x"}']
-BAD_BODIES += [b'{"do": "new", "hebbian": "mine"}', b'{"do": "new", "seed": [1]}']
-BAD_BODIES += [b'{"do": "new", "adaptation": "none hebbian=oja"}', b'{"do": "new", "seed": -1}']
+NO_LIVES = [["hebbian=mine"], ["seed=[1]"], ["adaptation=none hebbian=oja"], ["seed=-1"], [3], ["hydra.verbose=true"]]
+NO_LIVES += [["hebbian.rule=mine.py:Mine"], ["genome=/tmp/champion.npz"], ["lifetime.gain_rad_s=${oc.env:HOME}"]]
+BAD_BODIES += [json.dumps({"do": "new", "words": words}).encode() for words in NO_LIVES]
+BAD_BODIES += [b'{"do": "new", "words": [], "changes": [{"at_s": 1, "lite": 3}]}']
 BAD_BODIES += [json.dumps({"do": "change", "values": values}).encode() for values in ({"lite": 3}, {"light": np.nan})]
 
 
@@ -330,6 +332,7 @@ def rows(content):
 def test_two_pages_see_the_same_and_neither_waits_for_one_that_does_not_read():
     with Play(WORDS, "left", port=0) as live, Watcher(live) as one, Watcher(live) as other, Watcher(live):
         do(live, do="speed", value=0.0)
+        do(live, do="play", value=True)
         told = [[], []]
         for watcher, frames in zip((one, other), told, strict=True):
             while sum(len(content) for kind, content in frames if kind == page.SAMPLES) < 2_000_000:
@@ -351,13 +354,36 @@ def test_a_taken_port_is_left_to_whoever_has_it():
             assert live.port != port
 
 
-def test_a_new_life_keeps_what_it_is_not_given(live):
-    assert do(live, do="new", adaptation="late", side="right", seed=5) == {}
+def test_a_link_repeats_a_life_and_all_that_was_done_in_it(live):
+    disturb(live.world, 30)
+    first, life = live.world, do(live, do="link")
+    assert do(live, do="new", **life) == {}
+    again = live.world
+    while again.steps < first.steps:
+        again.run(min(7, first.steps - again.steps))
+    assert again.changes == first.changes
+    for one, other in zip(first.robots, again.robots, strict=True):
+        assert one.samples.pose[: first.steps].tobytes() == other.samples.pose[: first.steps].tobytes()
+
+
+def test_a_page_offers_the_rules_that_the_champion_can_run_and_the_champions_of_its_experiment(live):
+    facts = page.facts(live)
+    assert {"none", "paper", "oja"} < set(facts["choices"]["hebbian"])
+    assert not {"abcd", "modulated", "baldwin_n"} & set(facts["choices"]["hebbian"])
+    assert all(facts["choices"]["adaptation"].values())
+    assert {"reference_1", "reference_110"} < set(facts["champions"])
+    assert facts["verdict"] == 250.0
+
+
+def test_a_new_life_waits_for_its_page_and_may_have_a_genome_of_the_user(here, live):
+    np.save(here / "mine.npy", np.zeros(234))
+    assert do(live, do="new", words=["adaptation=late", "seed=5"], side="right") == {}
     world = live.world
-    assert world.words == ["scenario=4obstacles", "hebbian.N=0.0005", "adaptation=late", "seed=5"]
-    assert (world.side, world.config.seed, live.life) == ("right", 5, 1)
-    assert do(live, do="new", hebbian="mild") == {}
-    assert live.world.words == ["scenario=4obstacles", "hebbian=mild"]
+    assert (world.words, world.side, world.config.seed) == (["adaptation=late", "seed=5"], "right", 5)
+    assert live.life > 0
+    assert not live.is_playing
+    live.words.append("genome=mine.npy")  # typed, so a page may keep it
+    assert do(live, do="new", words=["genome=mine.npy"]) == {}
 
 
 def test_from_python(here):

@@ -194,8 +194,8 @@ def test_outcomes_in_the_second_physics():
 
 
 def test_many_obstacles():
-    """The table and the p values of 110 champions on the page of results."""
-    page = (REFERENCE.parents[1] / "docs" / "results.md").read_text()
+    """The table and the p values of 110 champions on the page of the reproduction."""
+    page = (REFERENCE.parents[1] / "docs" / "reproduction.md").read_text()
     trials = read("many_obstacles/successes").set_index(["genome", "side"])
     wins = {name: own.iloc[:, 1:] > 5 for name, own in trials.groupby("scenario")}
     solved, p = wins["base"].GA, {"rescue": [], "harm": []}

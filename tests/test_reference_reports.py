@@ -8,11 +8,12 @@ import pytest
 import yaml
 
 from epuckhebb.analysis import leaderboard, reproduction, rescue
+from epuckhebb.flock import tables as flock
 from epuckhebb.runtime.resources import data_folder
 from epuckhebb.tmaze.scenario import EXPERIMENTS
 
 REFERENCE = Path(__file__).parents[1] / "runs" / "reference"
-STUDIES = sorted(path for path in REFERENCE.rglob("report.md") if (path.parent / "rescue_over_all.csv").is_file())
+STUDIES = sorted(path for path in REFERENCE.rglob("report.md") if (path.parent / "rescue_by_champion.csv").is_file())
 BOARDS = sorted(REFERENCE.rglob("leaderboard.csv"))
 
 
@@ -59,7 +60,7 @@ def test_the_report_of_a_leaderboard_is_that_of_its_tables(folder, committed):
 def test_the_report_of_the_reproduction_is_that_of_its_tables(committed):
     path = REFERENCE / "report.md"
     text = path.read_text()
-    names = ("claims", "success", "rescue_and_harm", "retention", "dose_response", "comparison")
+    names = ("claims", "success", "rescue_and_harm", "retention", "comparison")
     own = dict(zip(names, tables(REFERENCE, *names), strict=True))
     titles = yaml.safe_load((data_folder("conf") / "paper" / "tables.yaml").read_text())
     shown = {}
@@ -70,3 +71,10 @@ def test_the_report_of_the_reproduction_is_that_of_its_tables(committed):
     captions = {name: caption for caption, name in re.findall(r"!\[(.*)\]\(figures/(.*)\)", text)}
     facts = {"champions": champions, "repeats": repeats, "given": False, "provenance": text.splitlines()[2]}
     committed(path, reproduction.markdown(own, titles, shown, captions, **facts))
+
+
+def test_the_report_of_the_flocks_is_that_of_their_table(committed):
+    path = REFERENCE / "flock" / "report.md"
+    text = path.read_text()
+    made, figures = text.splitlines()[2].partition(" Mean cosine")[0], re.findall(r"\(figures/(.*)\)", text)
+    committed(path, flock.page(*tables(path.parent, "flock"), made, figures))

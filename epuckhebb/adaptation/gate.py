@@ -15,7 +15,7 @@ from epuckhebb.adaptation.change_signal import ChangeSignal, SignalContext, sign
 from epuckhebb.controller.compiling.kernel import compiled
 from epuckhebb.tmaze.robot import STEP_S
 
-WAIT_S = 1.5  # of a halt that waits, without a goal signal: chosen for signals a second apart (docs/unseen_kinds.md)
+WAIT_S = 1.5  # of a halt that waits, without a goal signal: chosen for signals a second apart (docs/adaptations.md)
 
 
 class PlasticWhen(Enum):

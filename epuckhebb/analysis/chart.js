@@ -92,8 +92,8 @@ class Chart {
   }
 
   draw() {
-    const [from, until] = this.drawn;
-    this.cursor.style.transform = `translateX(${GUTTER + (shown.t - from) / (until - from || 1) * (this.width - GUTTER - 1)}px)`;
+    const [from, until] = this.drawn, part = Math.max(0, Math.min(1, (shown.t - from) / (until - from || 1)));
+    this.cursor.style.transform = `translateX(${GUTTER + part * (this.width - GUTTER - 1)}px)`;
     lifetimes[shown.side].forEach((life, c) => {
       const text = ` ${brief(life[this.name][sampleAt(poseAt(life, shown.t).k)] * this.factor)}${this.unit}`;
       if (this.values[c].value.data !== text) this.values[c].value.data = text;

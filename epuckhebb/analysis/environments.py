@@ -1,4 +1,4 @@
-"""Tables and figures of lifetimes in environments: the return before and after a change, with intervals."""
+"""Tables of lifetimes in environments: the return before and after a change, with intervals."""
 
 import itertools
 from collections import Counter
@@ -7,20 +7,19 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from epuckhebb.analysis.lifetimes import Evaluated, Gathered
-from epuckhebb.analysis.statistics import bootstrap, mean
+from epuckhebb.analysis.statistics import LEAST, bootstrap, difference, holm, mean
 from epuckhebb.analysis.tables import Table, plain
 from epuckhebb.worlds.environment import Lived
 
 _RETURNS = ("return", "return_before", "return_after")
 _MEANS = (*_RETURNS, "steps", "recovery_steps", "weight_change_mean", "saturated_fraction")
-CONDITION = ("environment", "change", "controller", "N")
+_WORLD = ("environment", "change")
 _OWN = ("genome", "seed", "environment", "environment.change", "environment.changes", "hebbian.N")  # have columns
 _NO_CONDITION = ("repeats", "environment.processes")  # keys that do not change what is evaluated
 _BINS = 50  # of a lifetime, in `lifetime.csv`
-_COLOURS = ("#555555", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
 
 
 def over_lifetime(names: Sequence[str], lives: Sequence[Lived], horizon: int) -> list[dict[str, Any]]:
@@ -88,6 +87,53 @@ def table(metrics: pd.DataFrame, by: Sequence[str] = ("controller", "N")) -> pd.
     return pd.DataFrame(rows)
 
 
+def tables(metrics: pd.DataFrame, settings: Sequence[str]) -> dict[str, pd.DataFrame]:
+    """The tables over many evaluations, by name. settings: columns of `gather` in which they differ."""
+    compared = effects(metrics, [*settings, *_WORLD])
+    rows = {"summary": table(metrics, [*settings, *_WORLD, "controller", "N"])}
+    return rows if compared.empty else {**rows, "effects": compared}
+
+
+def _of_means(ours: NDArray[np.float64], others: NDArray[np.float64]) -> float:
+    return float(ours.mean() - others.mean())
+
+
+def effects(metrics: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
+    """The effect of each rule on the return after a change: a row for each world and what the rule is compared with.
+
+    A rule is compared with its own weights frozen at the change, on the same champions, and with champions that were
+    evolved without a rule, which are others. The p values of the table are corrected together, by Holm. A condition
+    with fewer than six champions has no row.
+
+    Source of the tests: permutations of champions, Good (2005); scipy draws them where they are too many to list.
+    """
+    from scipy import stats
+
+    columns = ["return_after", "N"]
+    metrics = metrics.assign(**{name: pd.to_numeric(metrics[name]) for name in columns})
+    rows: list[dict[str, Any]] = []
+    for world, own in metrics[metrics.change.fillna("") != ""].groupby(list(by), sort=False, dropna=False):
+        after = {
+            str(name): (rates.N.max() > 0, rates.groupby("genome", sort=False).return_after.mean())
+            for name, rates in own.groupby("controller", sort=False)
+        }
+        for name, (is_plastic, ours) in after.items():
+            others = [f"{name} (frozen at the change)"] + [one for one in after if not (after[one][0] or "(" in one)]
+            for other in others if is_plastic and "(" not in name else ():
+                if other not in after or min(len(ours), len(theirs := after[other][1])) < LEAST:
+                    continue
+                is_paired = "(" in other
+                values = ours.to_numpy(float), (theirs[ours.index] if is_paired else theirs).to_numpy(float)
+                found = (mean, values[0] - values[1]) if is_paired else (difference, *values)
+                kind = "samples" if is_paired else "independent"
+                p = stats.permutation_test(values, _of_means, permutation_type=kind, rng=0).pvalue
+                row = {"controller": name, "against": other, "is_paired": is_paired, "champions": len(ours)}
+                ends = dict(zip(("low", "high"), bootstrap(*found), strict=True))
+                effect = {"effect": values[0].mean() - values[1].mean(), **ends, "p": float(p)}
+                rows.append(dict(zip(by, world, strict=True)) | row | effect)
+    return pd.DataFrame(rows).assign(p_holm=holm([row["p"] for row in rows])) if rows else pd.DataFrame()
+
+
 def readable(rows: pd.DataFrame, title: str = "") -> Table:
     """That table to read."""
 
@@ -111,26 +157,18 @@ def readable(rows: pd.DataFrame, title: str = "") -> Table:
     return Table(headings, lines, title, text=len(first), numbers=True)
 
 
-def lifetime(course: pd.DataFrame, title: str, changes: Sequence[int]) -> Figure:
-    """The mean reward of a step and the weight change over a lifetime, with the changes marked.
-
-    course: a row for each controller and part, of one champion or many. changes: steps.
-    """
-    from epuckhebb.analysis.figures import tidy
-
-    drawn = Figure(figsize=(6.4, 5.6), layout="constrained")
-    panels = drawn.subplots(2, 1, sharex=True)
-    for number, (name, own) in enumerate(course.groupby("controller", sort=False)):
-        mean_of = own.groupby("step")[["reward", "weight_change"]].mean()
-        look = {"color": _COLOURS[number % len(_COLOURS)], "linestyle": ("-", "--", ":")[number // len(_COLOURS) % 3]}
-        for axes, column in zip(panels, mean_of, strict=True):
-            axes.plot(mean_of.index, mean_of[column], label=plain(str(name)), **look)
-    for axes, label in zip(panels, ("mean reward of a step", "weight change"), strict=True):
-        for step in changes:
-            axes.axvline(step, color="black", linewidth=0.8, linestyle=":")
-        axes.set_ylabel(label)
-        tidy(axes)
-    panels[1].set_xlabel("step" + (", changes dotted" if changes else ""))
-    panels[0].legend(frameon=False, fontsize=8)
-    drawn.suptitle(plain(title), fontsize=9)
-    return drawn
+def readable_effects(rows: pd.DataFrame) -> Table:
+    """The effects to read."""
+    first = [*(name for name in _WORLD if rows[name].nunique() > 1), "controller", "against"]
+    lines = [
+        [
+            *(plain(str(row[name])) for name in first),
+            str(row["champions"]),
+            f"{row['effect']:+.1f} [{row['low']:+.1f}, {row['high']:+.1f}]",
+            f"{row['p_holm']:.2g}",
+        ]
+        for row in rows.to_dict("records")
+    ]
+    headings = [*first, "champions", "difference", "Holm p"]
+    title = "Return after the change: difference to controls, with 95 % intervals over champions"
+    return Table(headings, lines, title, text=len(first), numbers=True)

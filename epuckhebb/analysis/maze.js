@@ -12,8 +12,6 @@ function brief(value) {
   return `${(value / 10 ** power).toFixed(1)}×10${[...String(power)].map((digit) => "⁰¹²³⁴⁵⁶⁷⁸⁹"[digit] ?? "⁻").join("")}`;
 }
 
-const TALLEST = 620;  // pixels of a maze
-
 /** Two canvases, one over the other: the lower one changes seldom, the upper one moves. */
 function stack() {
   const below = element("canvas", { ariaHidden: "true" }), above = element("canvas", { role: "img" });
@@ -40,8 +38,13 @@ class Maze {
     $("mazes").append(this.figure);
   }
 
+  /** Most pixels of its height. */
+  tallest() {
+    return 620;
+  }
+
   resize() {
-    const [left, right, bottom, top] = maze.view, height = (width) => Math.min(TALLEST, width * (top - bottom) / (right - left));
+    const [left, right, bottom, top] = maze.view, height = (width) => Math.min(this.tallest(), width * (top - bottom) / (right - left));
     this.still = fit(this.canvases.below, height);
     this.pen = fit(this.canvases.above, height);
     const width = this.canvases.below.clientWidth;

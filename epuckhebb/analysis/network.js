@@ -76,7 +76,7 @@ class Network {
     this.figure = element("figure", { className: "network" },
       element("figcaption", {}, element("h3", { textContent: title })),
       this.canvases.both, this.raster, this.tip);
-    $("networks").append(this.figure);
+    $("networks")?.append(this.figure);
     canvas.addEventListener("pointermove", (event) => this.point(this.nearest(event.offsetX, event.offsetY)));
     canvas.addEventListener("pointerdown", (event) => this.point(this.nearest(event.offsetX, event.offsetY)));
     canvas.addEventListener("pointerleave", () => this.point(null));
@@ -91,12 +91,18 @@ class Network {
     this.gene = null;
   }
 
+  /** How high it is drawn for a width. */
+  height(width) {
+    return Math.max(250, Math.min(360, 0.6 * width), Math.min(560, 10.5 * Math.max(...layerSizes)));
+  }
+
   resize() {
-    const rows = Math.max(...layerSizes), heightOf = (width) => Math.max(250, Math.min(360, 0.6 * width), Math.min(560, 10.5 * rows));
+    const rows = Math.max(...layerSizes), heightOf = (width) => this.height(width);
     this.linesPen = fit(this.canvases.below, heightOf);
     this.pen = fit(this.canvases.above, heightOf);
     const width = this.canvases.above.clientWidth, height = heightOf(width);
-    const left = 76, right = width - 44;
+    this.isNarrow = width < 240;  // then it has no labels
+    const [left, right] = this.isNarrow ? [8, width - 8] : [76, width - 44];
     this.neuronRadius = Math.min(8, 0.4 * (height - 8) / rows);
     this.x = [];
     this.y = [];
@@ -228,6 +234,8 @@ class Network {
         if (inner > 0.5) pen.stroke();
       }
     });
+    this.tip.textContent = this.text();
+    if (this.isNarrow) return;
     pen.fillStyle = colours.soft;
     pen.textBaseline = "middle";
     pen.textAlign = "right";
@@ -248,6 +256,5 @@ class Network {
       pen.fillText(text, this.x[WHEELS + i] + 12, this.y[WHEELS + i] - (roomy ? 6 : 0));
       if (roomy) pen.fillText("wheel", this.x[WHEELS + i] + 12, this.y[WHEELS + i] + 6);
     });
-    this.tip.textContent = this.text();
   }
 }

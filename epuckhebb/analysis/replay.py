@@ -127,7 +127,7 @@ def fixed_facts(scenario: Scenario, network: Network, gain_rad_s: float, control
             "distances": _placed(distance.places),
         },
         "maze": {
-            "view": view(scenario),
+            "view": view(maze),
             "walls": boxes(maze).tolist(),
             "start": maze.start[:2],
             "goalRadius": maze.goal_radius_m,

@@ -32,7 +32,7 @@ from epuckhebb.config.overrides import (
     with_environment,
     with_names_compared,
 )
-from epuckhebb.config.parts import KINDS, part_class, part_from, part_names
+from epuckhebb.config.parts import KINDS, NONE, PAPER, part_class, part_from, part_names
 from epuckhebb.config.plugins import (
     OWN_CODE,
     OwnFile,

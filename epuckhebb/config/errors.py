@@ -23,7 +23,7 @@ def explain(error: BaseException) -> str:
         for line in map(str.strip, str(cause).partition("Config search path")[0].splitlines()):
             if line.startswith(_KEY):
                 keys.append(line.removeprefix(_KEY).strip())
-            elif line and not line.startswith(_NOISE):
+            elif line and not line.startswith(_NOISE) and not any(line in other for other in lines):
                 lines[line] = None
     message = " ".join(lines) or type(error).__name__
     if keys and keys[0] not in message:

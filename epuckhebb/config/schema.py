@@ -214,18 +214,17 @@ def register(schema: type[Config]) -> type[Config]:
 
 # Below these, the schema does not know the keys.
 _GROUPS = ("hebbian", "compare", "change", "maze", "robot", "network", "optimizer", "task", "fitness", "physics")
-OPEN = (*_GROUPS, "scenario.goals", "flock.own")
+_OWN = ("flock.own", "environment.options")  # what the user's classes get
+OPEN = (*_GROUPS, "scenario.goals", *_OWN)
 
 
 def structured(command: str) -> DictConfig:
     """The schema of a command, into which Hydra merges the files. Making one takes longer than composing."""
     node: DictConfig = OmegaConf.structured(SCHEMAS[command])
-    for key in _GROUPS:
-        if isinstance(node.get(key), DictConfig):
-            OmegaConf.set_struct(node[key], False)  # Hydra takes any key below them, without a +
-    if command == "flock":
-        OmegaConf.set_struct(node.flock.own, False)
-    if "ga" in node:
+    for key in (*_GROUPS, *_OWN):
+        if isinstance(part := OmegaConf.select(node, key), DictConfig):
+            OmegaConf.set_struct(part, False)  # Hydra takes any key below them, without a +
+    if command.startswith(EvolveConfig.command):
         node.ga = None  # until group ga is chosen, which other optimizers than the GA undo
     return node
 

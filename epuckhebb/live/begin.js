@@ -3,6 +3,7 @@
 const setSpeed = (speed) => { shown.speed = speed; ask({ do: "speed", value: speed }); };
 const setPlaying = (on) => { shown.playing = on; $("play").textContent = on ? "Pause" : "Play"; ask({ do: "play", value: on }); redraw(); };
 const faster = (by) => setSpeed(data.speeds[Math.max(0, Math.min(data.speeds.length - 1, data.speeds.indexOf(shown.speed) + by))]);
+const press = (id) => () => $(id).click();
 let command = "";
 
 async function save() {
@@ -14,18 +15,9 @@ async function save() {
   $("saved").textContent = `${run}: ${same ? "run again, it is the same to the last bit" : "run again, it went otherwise: please tell us"}. See it again with: epuckhebb replay ${run} --open`;
 }
 
-async function copy() {
-  try {
-    await navigator.clipboard.writeText(command);
-    $("saved").textContent = `Copied: ${command}`;
-  } catch {
-    $("saved").textContent = command;
-  }
-}
-
 const acts = {
-  lit: () => change({ lamp_on: !world.lit }), add, drop, reset: () => change({ reset: true }), understood: dismiss, save, copy,
-  new: () => ask({ do: "new", ...Object.fromEntries(["hebbian", "adaptation", "side"].map((id) => [id, $(id).value])), seed: Number($("seed").value) }),
+  lit: () => change({ lamp_on: !world.lit }), add, drop, reset: () => change({ reset: true }), save, share,
+  copy: () => toClipboard(command, `Copied: ${command}`), new: newLife, another: anotherRobot,
   play: () => setPlaying(!shown.playing),
   step: () => { seek(END); ask({ do: "step" }); },
   now: () => seek(END),
@@ -38,8 +30,16 @@ document.documentElement.dataset.side = data.sides[0];
 for (const speed of data.speeds) $("speed").append(element("option", { value: speed, textContent: speed ? `${speed}×` : "fastest" }));
 for (const [id, choices] of Object.entries(data.choices)) {
   $(id).append(element("option", { value: "", textContent: "as now" }));
-  $(id).append(...choices.map((choice) => element("option", { value: choice, textContent: choice })));
+  $(id).append(...Object.keys(choices).map((choice) => element("option", { value: choice, textContent: choice.replaceAll("_", " ") })));
+  $(id).addEventListener("change", (event) => { $("meaning").textContent = choices[event.target.value] ?? ""; });
 }
+for (const name of ["", ...Object.keys(CHALLENGES)]) {
+  const button = element("button", { type: "button" });
+  button.dataset.name = name;
+  button.addEventListener("click", () => takeUp(name));
+  $("challenges").append(button);
+}
+$("challenges").hidden = $("task").hidden = data.hasTrials;
 $("side").value = data.sides[0];
 $("seed").value = data.seed;
 $("kept").textContent = Math.round(data.kept * data.interval / 60);
@@ -54,6 +54,8 @@ $("intensity").addEventListener("input", (event) => change({ lamp: { intensity: 
 $("rate").addEventListener("input", (event) => change({ rate: RATES[event.target.value] }));
 for (const wheel of ["left_wheel", "right_wheel"]) $(wheel).addEventListener("input", (event) => change({ [wheel]: Number(event.target.value) }));
 for (const [id, act] of Object.entries(acts)) $(id).addEventListener("click", act);
+for (const input of document.querySelectorAll(".slide input")) input.addEventListener("pointerdown", () => drag(true));
+for (const kind of ["pointerup", "pointercancel"]) addEventListener(kind, () => { hand = null; drag(false); redraw(); });
 $("speed").addEventListener("change", (event) => setSpeed(Number(event.target.value)));
 $("time").addEventListener("input", (event) => seek(Number(event.target.value)));
 dark.addEventListener("change", repaint);
@@ -62,7 +64,8 @@ document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches("select, input")) return;
   const act = {
     " ": event.target.matches("button") ? undefined : acts.play, "+": () => faster(1), "=": () => faster(1), "-": () => faster(-1), ArrowRight: acts.step,
-    l: acts.lit, b: add, f: acts.reset, r: acts.new, d: acts.theme, Delete: drop, Backspace: drop, Escape: () => select(null),
+    l: press("lit"), b: press("add"), f: press("reset"), r: press("new"), a: press("another"), d: press("theme"),
+    Delete: press("drop"), Backspace: press("drop"), Escape: () => select(null),
   }[event.key.length === 1 ? event.key.toLowerCase() : event.key];
   if (!act) return;
   event.preventDefault();
@@ -75,12 +78,13 @@ const charts = [
   { name: "rate", heading: "Effective rate, Nₑ", note: "how strongly this moment may change the connections" },
   { name: "weightChange", heading: "Weight change", note: "how far all connections together are from the initial weights" },
 ];
+views = data.controllers.map((_, c) => new LiveMaze(c));
 views = [
-  ...data.controllers.map((_, c) => new LiveMaze(c)),
-  ...data.controllers.map((_, c) => new Network(c)),
+  ...views,
+  ...data.controllers.map((_, c) => new LiveNetwork(c)),
   ...charts.filter(({ name }) => name !== "changeSignal" || data.hasSignal).map((chart) => new LiveChart(chart)),
 ];
-for (const id of ["mazes", "networks"]) $(id).classList.toggle("alone", data.controllers.length === 1);
+$("mazes").classList.toggle("alone", data.controllers.length === 1);
 const sight = new IntersectionObserver((changes) => {
   for (const { target, isIntersecting } of changes) isIntersecting ? inSight.add(target) : inSight.delete(target);
   redraw();
@@ -88,21 +92,26 @@ const sight = new IntersectionObserver((changes) => {
 for (const view of views) sight.observe(view.figure);
 $("chart-keys").append(
   ...data.controllers.map((title) => element("span", { className: "value" }, element("span", { className: "key" }), title)),
-  "Pink marks: changes by hand.");
-let understood = null;
-try { understood = sessionStorage.getItem("understood"); } catch { /* a frame may not keep anything */ }
-$("hint").hidden = Boolean(understood);
+  "Pink marks: changes by hand. Dashed: arrival at the goal.");
 
 /** For the console and for tests: `live.state()`. */
 window.live = { maze, costs, state: () => ({ ...shown, samples, START, END, following, now, world, selected, robots: own.map((life) => poseAt(life, shown.t)), worlds: data.worlds.length }), change, seek };
 
+if (hasFlags) showScore(recall("score", {}).secret === secret ? recall("score").lives : {});
 controls();
 repaint();
+if (isLink) openLink();
+addEventListener("hashchange", () => location.reload());
+let isNew = true;
 try {
   for (;;) {
     const { kind, payload } = await frame();
     if (kind === WORLD) follow(decoded(payload));
     else if (kind === SAMPLES) take(payload);
+    if (kind === SAMPLES && isNew) {
+      isNew = false;  // a new life waits for its page
+      if (samples === 1 && !isLink && !matchMedia("(prefers-reduced-motion: reduce)").matches) setPlaying(true);
+    }
     redraw();
   }
 } catch (error) {

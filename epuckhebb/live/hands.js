@@ -5,7 +5,7 @@ const WINDOW = 120;  // s that charts show
 const TRAIL = 1900;  // steps of a trail that stay when the world changes
 let now = data, world = data.world, following = true, views = [], wanted = 0, last = 0, chartsDrawn = 0;
 const SETTLES = 200;  // ms until what was wished is seen
-let selected = null, hand = null, waiting = null, isBusy = false, previews = false, wished = { since: -Infinity };
+let selected = null, hand = null, speedBefore = null, waiting = null, isBusy = false, previews = false, wished = { since: -Infinity };
 const costs = [];  // ms of each picture, for tests
 const inSight = new Set();
 
@@ -26,7 +26,6 @@ function seek(t) {
 /** Ask for a change; while one is on its way, newer values replace older ones. */
 async function change(values) {
   waiting = { ...waiting, ...values, ...(values.lamp && { lamp: { ...waiting?.lamp, ...values.lamp } }) };
-  dismiss();
   if (isBusy) return;
   isBusy = true;
   while (waiting) {
@@ -38,9 +37,15 @@ async function change(values) {
   isBusy = false;
 }
 
-function dismiss() {
-  $("hint").hidden = true;
-  try { sessionStorage.setItem("understood", "yes"); } catch { /* a frame may not keep anything */ }
+/** Run in real time while something is dragged, and then as before. */
+function drag(isDragged) {
+  if (isDragged && speedBefore === null) {
+    speedBefore = shown.speed;
+    setSpeed(1);
+  } else if (!isDragged && speedBefore !== null) {
+    setSpeed(speedBefore);
+    speedBefore = null;
+  }
 }
 
 const things = () => ["robot", "lamp", ...world.placed.map((_, i) => i)];
@@ -92,7 +97,7 @@ function select(thing) {
 
 /** Put a block where the robot is going, or beside it where there is floor. */
 function add() {
-  if (world.placed.length >= data.mostBlocks) { $("trouble").textContent = `${data.mostBlocks} blocks are as many as there can be`; return; }
+  if (world.placed.length >= data.mostBlocks) { complain(`${data.mostBlocks} blocks are as many as there can be`); return; }
   const { x, y, heading } = placeOf("robot"), away = 2.4 * robot.radius;
   const ways = [0, 0.8, -0.8, 1.6, -1.6, 2.4, -2.4, Math.PI].map((turn) => [x + away * Math.cos(heading + turn), y + away * Math.sin(heading + turn)]);
   const [bx, by] = ways.find((way) => isFloor(...way)) ?? ways[0];
@@ -104,123 +109,6 @@ function drop() {
   if (typeof selected !== "number") return;
   place(world.placed.filter((_, i) => i !== selected));
   select(null);
-}
-
-/** A maze in which things can be moved. */
-class LiveMaze extends Maze {
-  constructor(c) {
-    super(c);
-    const canvas = this.canvases.above;
-    canvas.tabIndex = 0;
-    canvas.setAttribute("role", "application");
-    canvas.setAttribute("aria-describedby", "keys");
-    const here = (event) => {
-      const box = canvas.getBoundingClientRect();
-      return [(event.clientX - box.left - this.margin) / this.scale + maze.view[0], maze.view[3] - (event.clientY - box.top) / this.scale];
-    };
-    canvas.addEventListener("pointerdown", (event) => {
-      const [x, y] = here(event), reach = Math.max(0.015, 16 / this.scale);
-      const far = (thing) => Math.hypot(placeOf(thing).x - x, placeOf(thing).y - y) - (thing === "robot" ? robot.radius : 0);
-      const near = things().filter((thing) => far(thing) < (thing === "robot" ? reach / 2 : reach)).sort((a, b) => far(a) - far(b))[0] ?? null;
-      select(near);
-      if (near === null) return;
-      canvas.setPointerCapture(event.pointerId);
-      const at = placeOf(near);
-      hand = { thing: near, dx: at.x - x, dy: at.y - y, x: at.x, y: at.y, heading: at.heading };
-    });
-    canvas.addEventListener("pointermove", (event) => {
-      if (!hand) return;
-      const [x, y] = here(event);
-      move(hand.thing, x + hand.dx, y + hand.dy, hand.heading);
-    });
-    const release = () => { hand = null; redraw(); };
-    canvas.addEventListener("pointerup", release);
-    canvas.addEventListener("pointercancel", release);
-    canvas.addEventListener("keydown", (event) => {
-      const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
-      const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[key], turn = { q: 0.26, e: -0.26 }[key];
-      if (key === "t") select(things()[(things().indexOf(selected) + 1) % things().length]);
-      else if ((way || (turn && selected === "robot")) && selected !== null) {
-        const at = placeOf(selected), by = event.shiftKey ? 0.001 : 0.01;
-        move(selected, at.x + by * (way?.[0] ?? 0), at.y + by * (way?.[1] ?? 0), at.heading + (turn ?? 0));
-      } else return;
-      event.preventDefault();
-      event.stopPropagation();
-    });
-  }
-
-  drawStill() {
-    super.drawStill();
-    this.drawnTo = Math.max(oldest, poseAt(own[this.c], shown.t).k - TRAIL);
-  }
-
-  draw() {
-    const life = own[this.c], pen = this.pen, isHeld = following && (hand?.thing === "robot" || now.put);
-    if (worldNumber(life, shown.t) !== this.worldDrawn) this.drawStill();
-    const pose = poseAt(life, shown.t), { x, y, heading } = isHeld ? placeOf("robot") : pose;
-    this.drawnTo = Math.max(this.drawnTo, oldest);
-    this.trail(pose.k);
-    pen.clearRect(0, 0, this.canvases.above.width, this.canvases.above.height);
-    if (this.c > 0 && !isHeld) this.drawGhost(poseAt(own[0], shown.t));
-    this.drawRobot(life, pose.k, x, y, heading);
-    if (selected !== null && (typeof selected !== "number" || world.placed[selected])) {
-      const at = selected === "robot" ? { x, y } : placeOf(selected);
-      disc(pen, ...this.at(at.x, at.y), selected === "robot" ? robot.radius * this.scale + 4 : 14);
-      pen.setLineDash([3, 3]);
-      pen.strokeStyle = colours.ink;
-      pen.lineWidth = 1.5;
-      pen.stroke();
-      pen.setLineDash([]);
-    }
-    this.now.textContent = situation(life, shown.t);
-  }
-}
-
-/** A chart of the last two minutes, or of those around the moment that is shown. */
-class LiveChart extends Chart {
-  range() {
-    const until = following ? END : Math.min(END, Math.max(shown.t + WINDOW / 2, START + WINDOW));
-    return [Math.max(START, until - WINDOW), Math.max(until, START + 1)];
-  }
-
-  resize() {
-    const [least, most] = ends(this.name);
-    [this.low, this.high] = [least * this.factor, this.name === "fitness" ? 1 : most * this.factor || 1];
-    super.resize();
-  }
-}
-
-// ---- How it runs ----
-
-function picture(at) {
-  wanted = 0;
-  const began = performance.now();
-  const passed = Math.max(0, Math.min(100, at - last)) / 1000, runs = shown.playing && !now.over;
-  last = at;
-  if (following) {
-    const lag = 2 * data.interval * Math.max(1, shown.speed);  // so that the picture does not wait for the next numbers
-    shown.t = runs && !hand && shown.speed ? Math.min(END, Math.max(shown.t + passed * shown.speed, END - lag)) : END;
-  }
-  shown.t = Math.max(shown.t, START);  // what was looked at is not kept any more
-  if (at - chartsDrawn > 300 || !runs) {
-    chartsDrawn = at;
-    for (const view of views) if (view instanceof Chart && inSight.has(view.figure)) view.resize();
-  }
-  for (const view of views) if (inSight.has(view.figure)) view.draw(at);
-  [$("time").min, $("time").max] = [START, END];
-  $("time").value = shown.t;
-  $("clock").firstChild.textContent = `${shown.t.toFixed(1)} s`;
-  $("clock").lastChild.textContent = ` · ${now.byHand} by hand`;
-  costs.push(performance.now() - began);
-  if (costs.length > 300) costs.shift();
-  if (runs || hand) redraw();
-}
-
-function repaint() {
-  readColours();
-  for (const view of views) view.resize();
-  document.querySelectorAll(".key").forEach((key, i) => { key.style.borderColor = controllerColour(i % data.controllers.length); });
-  redraw();
 }
 
 /** Take the news of the world. */
@@ -247,6 +135,7 @@ function follow(news) {
   shown.playing = now.playing;
   shown.speed = now.speed;
   if (isNew) for (const view of views) if (view instanceof Maze) view.drawStill();
+  judge();
   controls();
   redraw();
 }
@@ -276,5 +165,6 @@ function controls() {
   $("new").disabled = Boolean(now.prepares);
   const goal = data.hasTrials ? "Either end may be the rewarded one." : shown.side === "right" ? "Evolved to turn right, since the lamp is on." : "Evolved to turn left, since the lamp is off.";
   $("outcome").textContent = now.trouble ? `The world has stopped: ${now.trouble}` : now.prepares ? `Preparing ${now.prepares} …`
-    : now.over ? "This life has ended. Save it, or begin a new one." : `${goal} Disturb it.`;
+    : verdict ? sentence() : now.over ? "This life has ended. Save it, or begin a new one." : `${goal} Disturb it.`;
+  showChallenge();
 }

@@ -1,8 +1,10 @@
 """The page of a live world, and the frames of numbers that keep it up to date."""
 
 import json
+import re
 import struct
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,8 +12,10 @@ import numpy as np
 
 from epuckhebb.analysis.page import filled, policy
 from epuckhebb.analysis.replay import fixed_facts, world_facts
+from epuckhebb.config import NONE, PAPER, part_class
 from epuckhebb.live.world import LiveWorld
-from epuckhebb.runtime import conf
+from epuckhebb.runs import check_rules
+from epuckhebb.runtime import REFERENCE, ConfigError, conf, data_folder
 from epuckhebb.tmaze.changes import MOST_BLOCKS
 from epuckhebb.tmaze.robot import STEP_S
 
@@ -19,7 +23,7 @@ if TYPE_CHECKING:
     from epuckhebb.live.server import Play
 
 WORLD, SAMPLES = range(2)  # kinds of frames
-SPEEDS = (0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 0.0)  # times real time; 0: as fast as it goes
+SPEEDS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 0.0)  # times real time; 0: as fast as it goes
 WEIGHTS_EVERY = 8  # steps; sensors, motors and poses are sent of every step
 _MOST = 2048  # steps in a frame; who is behind gets more frames
 _FRAMES = "http://localhost:* http://127.0.0.1:*"  # where the page may be in a frame: a notebook of this machine
@@ -35,6 +39,7 @@ def facts(play: "Play") -> dict[str, Any]:
     """What stays as it is in a lifetime."""
     world = play.world
     scenario, network = world.config.world, world.genome.network
+    champions = sorted((data_folder("runs/reference") / "champions").glob(f"{scenario.experiment}_seed*.npz"))
     return {
         **fixed_facts(scenario, network, world.lifetime.gain_rad_s, [one.name for one in world.controllers]),
         "life": play.life,
@@ -52,8 +57,24 @@ def facts(play: "Play") -> dict[str, Any]:
         "speeds": list(SPEEDS),
         "seed": world.config.seed,
         "hasSignal": any(controller.adaptation.is_gated for controller in world.controllers),
-        "choices": {group: conf.groups("evaluate")[group] for group in ("hebbian", "adaptation")},
+        "words": world.words,
+        "genome": world.genome.sha256,
+        "typed": play.words,
+        "champions": [re.sub(".*_seed0*", f"{REFERENCE}_", file.stem) for file in champions],
+        "choices": {"hebbian": _rules(world), "adaptation": conf.rows("adaptation")},
+        "verdict": None if scenario.task.has_trials else min(scenario.paper_duration_s, world.lifetime.duration_s),
     }
+
+
+def _rules(world: LiveWorld) -> dict[str, str]:
+    """The rules that the champion can run, and what each of them is."""
+    texts, genome, runnable = conf.rows("hebbian"), world.genome, [NONE]
+    for name, row in conf.table("hebbian").items():
+        if (rule := row.get("rule", PAPER)) != NONE:
+            with suppress(ConfigError):
+                check_rules(genome, genome.network, [(name, part_class("rule", rule, "hebbian")())])
+                runnable.append(name)
+    return {name: texts[name] for name in runnable}
 
 
 def state(play: "Play") -> dict[str, Any]:
@@ -72,6 +93,7 @@ def state(play: "Play") -> dict[str, Any]:
         "pending": bool(world.wishes),
         "byHand": len(world.changes),
         "last": {"at": last.get("at_s"), "keys": [key for key in last if key != "at_s"]},
+        "keys": sorted({key for change in world.changes for key in change}),
         "put": list(now.put) if world.wishes and now.put is not None else None,
         "playing": play.is_playing,
         "speed": play.speed,

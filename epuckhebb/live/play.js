@@ -11,7 +11,7 @@ const store = data.controllers.map(() => Object.fromEntries([
   ...Object.entries(WIDTHS).map(([name, width]) => [name, new Float32Array(data.kept * width)]),
   ["change", new Float32Array(CHANGES * GENES)],
 ]));
-const own = data.controllers.map((_, c) => ({ arrival: null, stayed: false, isFixed: false, resets: [], begins: [0], ...store[c] }));
+const own = data.controllers.map((_, c) => ({ arrival: null, visits: [], stayed: false, isFixed: false, resets: [], begins: [0], ...store[c] }));
 const lifetimes = { [data.sides[0]]: own };
 const highest = {}, lowest = {};
 const ends = (name) => [lowest[name] ?? 0, highest[name] ?? 0];
@@ -46,6 +46,10 @@ function take(payload) {
   samples = Math.max(1, since + count);
   oldest = Math.max(first, samples - data.kept + margin);
   [START, END] = [oldest * data.interval, (samples - 1) * data.interval];
+  notice(since);
+  judge();
 }
 
+data.worlds = [data.world];
+data.changes = [];
 const shown = { side: data.sides[0], t: 0, playing: data.playing, speed: data.speed };

@@ -7,6 +7,7 @@ of the address: browsers send that nowhere. The host must be ours, so no name ca
 import hmac
 import json
 import os
+import re
 import secrets
 import sys
 import threading
@@ -16,7 +17,6 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any, Self
 
-from epuckhebb.config import quoted
 from epuckhebb.live import page
 from epuckhebb.live.world import LiveWorld
 from epuckhebb.tmaze.robot import STEP_S
@@ -25,24 +25,26 @@ PORT = 8470
 _FRAME_S = 1 / 30
 _AT_MOST = 1000  # steps between two frames, as fast as it goes
 _BEHIND_S = 0.25  # a machine that was busy or asleep catches up with no more than that
-_NEW = ("hebbian", "adaptation", "seed")  # settings that may differ in a new life
+# What a link may set: names and numbers of the program, and no file.
+_LINKED = re.compile(r"(scenario|change|hebbian|adaptation|genome|seed|physics|maze|lifetime)(\.\w+)*=[\w.,\[\]-]*")
 
 
 class Play:
     """A live world that is served; a context manager that ends it.
 
     words: settings, as on the command line. port: any that is free if this is taken. world: the one that runs now, as
-    long as somebody watches. life: its number. version: changes with whatever pages show besides samples. news:
+    long as it is playing and somebody watches. life: its number. version: changes with whatever pages show besides
+    samples. news:
     notified when there is something to show; whoever reads or changes anything holds it. watchers: how many pages
     watch.
     """
 
     def __init__(self, words: Sequence[str], side: str, config_dir: str | None = None, port: int = PORT) -> None:
         self.world = LiveWorld(words, side, config_dir)
-        self._words, self._config_dir = words, config_dir
+        self.words, self._config_dir = list(words), config_dir
         self.news = threading.Condition()
         self.life, self.version, self.watchers = 0, 0, 0
-        self.speed, self.is_playing, self.has_ended = 1.0, True, False
+        self.speed, self.is_playing, self.has_ended = 8.0, False, False
         self.prepares, self.trouble = "", ""  # a new life, while it is compiled; why the world stopped
         self._due = time.perf_counter()
         self.secret = secrets.token_urlsafe(24)
@@ -125,8 +127,11 @@ class Play:
                 with self.news:
                     self._step(1)
                     self._set(is_playing=False)
-            case {"do": "new"}:
-                self._begin_anew(wish)
+            case {"do": "new", "words": words}:
+                self._begin_anew(words, wish.get("side", self.world.side), wish.get("changes", ()))
+            case {"do": "link"}:
+                with self.news:
+                    return {"words": self.world.words, "side": self.world.side, "changes": self.world.changes}
             case {"do": "save"}:
                 with self.news:
                     return self.world.save()
@@ -140,15 +145,16 @@ class Play:
             self.version += 1
             self.news.notify_all()
 
-    def _begin_anew(self, wish: dict[str, Any]) -> None:
-        """Begin a new life; what it needs is compiled aside, while the old one goes on."""
-        new = {key: str(wish[key]) for key in _NEW if wish.get(key) not in (None, "")}
-        words = [word for word in self._words if word.partition("=")[0].partition(".")[0] not in new]
-        self._set(prepares=" ".join(f"{key}={value}" for key, value in new.items()) or "a new life")
+    def _begin_anew(self, words: list[str], side: str, changes: Sequence[dict[str, Any]]) -> None:
+        """Begin a new life, which pages start; what it needs is compiled aside, while the old one goes on."""
+        known = {*self.words, *self.world.words}
+        for word in words:
+            if word not in known and not _LINKED.fullmatch(word):
+                raise ValueError(f"{word} is not for a page to set; type it after `epuckhebb play`")
+        self._set(prepares=" ".join(word for word in words if word not in known) or "a new life")
         try:
-            words += [f"{key}={quoted(value)}" for key, value in new.items()]
-            world = LiveWorld(words, wish.get("side", self.world.side), self._config_dir)
-            self._set(world=world, trouble="", life=self.life + 1)
+            world = LiveWorld(words, side, self._config_dir, changes)
+            self._set(world=world, is_playing=False, trouble="", life=self.life + 1)
         finally:
             self._set(prepares="")
 

@@ -1,13 +1,27 @@
 // ---- What comes from the program ----
 
-const headers = { "X-Epuckhebb": location.hash.slice(1) };
 const WORLD = 0, SAMPLES = 1;
 const said = document.getElementById("outcome");
 let reader, rest = new Uint8Array(0);
 
+// Behind the # is the secret of the program, or a link: a life to begin. A link holds no secret.
+const behind = decodeURIComponent(location.hash.slice(1)), isLink = behind.startsWith("{");
+const secret = isLink ? recall("secret", "", localStorage) : behind;
+if (!isLink) remember("secret", secret, localStorage);
+const headers = { "X-Epuckhebb": secret };
+
+/** What a browser keeps under a name; a frame may not keep anything. */
+function recall(name, otherwise, where = sessionStorage) {
+  try { return JSON.parse(where.getItem(name)) ?? otherwise; } catch { return otherwise; }
+}
+
+function remember(name, value, where = sessionStorage) {
+  try { where.setItem(name, JSON.stringify(value)); } catch { /* see above */ }
+}
+
 async function connect() {
   const answer = await fetch("/stream", { headers });
-  if (!answer.ok) throw new Error("This is not the whole address: open the one that `epuckhebb play` printed, with all that follows the #.");
+  if (!answer.ok) throw new Error(isLink ? "This link is for a page of `epuckhebb play`: open the address that the program printed, then this link." : "This is not the whole address: open the one that `epuckhebb play` printed, with all that follows the #.");
   reader = answer.body.getReader();
 }
 
@@ -40,9 +54,13 @@ try {
   said.textContent = error instanceof TypeError ? "The program that printed this address has ended." : error.message;
   return;
 }
-data.worlds = [data.world];
-data.changes = [];
+
 const { maze, robot, layers } = data;
+
+let asker = null;  // what was last used; why something cannot be is said beside it
+for (const kind of ["click", "input", "pointerdown"]) {
+  document.addEventListener(kind, ({ target }) => { asker = target.closest("button, label, canvas") ?? asker; }, true);
+}
 
 /** Ask for something; returns the answer, and shows why it cannot be. */
 async function ask(wish) {
@@ -52,6 +70,12 @@ async function ask(wish) {
   } catch {
     answer = { error: "the program did not answer" };
   }
-  document.getElementById("trouble").textContent = answer.error ?? "";
+  if (answer.error) complain(answer.error);
+  else $("trouble").textContent = "";
   return answer;
+}
+
+function complain(text) {
+  (asker?.closest("#mazes") ?? asker ?? $("mazes")).after($("trouble"));
+  $("trouble").textContent = text;
 }

@@ -38,9 +38,13 @@ class LiveWorld:
     words: settings, as on the command line. robots: one lifetime in progress for each controller, the first without
     plasticity. kept: how many of their last samples are kept; a saved lifetime does not need them. changes: what was
     done by hand. wishes: what will be done before the next step.
+
+    planned: changes by hand that are done in their time, those of another world like this one.
     """
 
-    def __init__(self, words: Sequence[str], side: str, config_dir: str | None = None) -> None:
+    def __init__(
+        self, words: Sequence[str], side: str, config_dir: str | None = None, planned: Sequence[Mapping[str, Any]] = ()
+    ) -> None:
         if side not in SIDES:
             raise ConfigError(f"side must be {' or '.join(SIDES)}, got {side!r}")
         self.words, self._config_dir = list(words), config_dir
@@ -52,6 +56,7 @@ class LiveWorld:
         self.config, self.genome = config, genome = prepared.config, prepared.genome
         if config.scenario.hand is not None:
             raise ConfigError(f"scenario.hand={config.scenario.hand}: play writes such a file; evaluate repeats it")
+        replace(config.world, changes=planned)  # it refuses what cannot be
         self.controllers = [GA_ALONE, *config.controllers]
         compile_for(self.controllers, genome.network, config.world)
         self.lifetime = replace(config.lifetime, record_every=1)
@@ -62,7 +67,9 @@ class LiveWorld:
         self.robots = [Session(one, config.world, self.lifetime, most_samples=KEPT) for one in individuals]
         self.changes: list[dict[str, Any]] = []
         self.wishes: dict[str, Any] = {}
+        self._planned: list[Mapping[str, Any]] = []
         self.run(1)  # a change comes after the first step
+        self._planned += planned
 
     @property
     def steps(self) -> int:
@@ -95,7 +102,16 @@ class LiveWorld:
         self.wishes = joined
 
     def run(self, steps: int) -> int:
-        """Run so many steps of all robots, what was wished for first; returns how many were run."""
+        """Run so many steps of all robots, what was wished or planned for first; returns how many were run."""
+        before = self.steps
+        while self._planned and (due := step_of(self._planned[0])) < before + steps:
+            if due > self.steps:
+                self._run(due - self.steps)
+            self.wish({key: value for key, value in self._planned.pop(0).items() if key != "at_s"})
+        self._run(before + steps - self.steps)
+        return self.steps - before
+
+    def _run(self, steps: int) -> None:
         before = self.steps
         if self.wishes and not self.is_over:
             planned = [one for one in self.config.world.changes if step_of(one) >= before]
@@ -107,7 +123,6 @@ class LiveWorld:
             self.wishes = {}
         for robot in self.robots:
             robot.step(before + steps - robot.steps)
-        return self.steps - before
 
     def save(self, folder: Path = Path("runs")) -> dict[str, Any]:
         """Run the lifetime again as `evaluate` does, into a run folder.

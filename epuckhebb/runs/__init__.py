@@ -11,6 +11,7 @@ from epuckhebb.runs.evaluate import (
     PreparedEvaluation,
     as_evolved,
     caption,
+    check_rules,
     compile_for,
     evaluate_into,
     evaluate_job,

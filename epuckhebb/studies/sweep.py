@@ -103,7 +103,8 @@ class Sweep(Study):
         """See `Study`."""
         files = {name: f"{name}.csv" for name in ("summary", "over_champions", "rescue_over_all")}
         if "return" in (own := run.table("summary.csv")):
-            return [environments.readable(own, "Mean over champions, with 95 % intervals")]
+            effects = [environments.readable_effects(run.table("effects.csv"))] if run.has("effects.csv") else []
+            return [environments.readable(own, "Mean over champions, with 95 % intervals"), *effects]
         return summary.readable({name: run.table(file) for name, file in files.items() if run.has(file)})
 
 
@@ -179,8 +180,9 @@ def figures(run: Run) -> dict[str, "Figure"]:
     from epuckhebb.analysis import charts  # matplotlib takes a while to load
 
     drawn = {
-        "dose_response": ("doses.csv", charts.rates),
-        "rescue_and_harm": ("rescue_over_all.csv", charts.rescue_over_all),
+        "dose_response": ("doses.csv", charts.dose_response),
+        "rescue_and_harm": ("rescue_over_all.csv", charts.rescue_and_harm),
+        "returns": ("effects.csv", lambda _: charts.returns(run.table("summary.csv"))),
     }
     return {name: draw(run.table(file)) for name, (file, draw) in drawn.items() if run.has(file)}
 
@@ -189,26 +191,27 @@ def _write_over_all(folder: Path, write: Callable[[str, bytes | str | pd.DataFra
     """Write the tables, the page and the figures over all lifetimes, and say what else a reader must know."""
     rows, settings = gathered.rows, gathered.settings
     if "environment" in rows:
-        write("summary.csv", environments.table(rows, [*settings, *environments.CONDITION]))
-        return
-    write("summary.csv", summary.summary(rows, settings))
-    if gathered.repeated:
-        say(gathered.repeated)
-    if rows.empty:
-        return
-    if summary.has_champions(rows):
-        write("over_champions.csv", summary.over_champions(rows, settings))
-    if (doses := summary.dose_response(rows, settings)) is not None:
-        write("doses.csv", doses)
-    if (harm := summary.rescue_and_harm(rows)) is not None:
-        tables, page = harm
-        for name, table in tables.items():
-            write(f"{name}.csv", table)
-        write("report.md", page)
-    if doses is not None or harm is not None:
+        tables = environments.tables(rows, settings)
+    else:
+        tables = {"summary": summary.summary(rows, settings)}
+        if gathered.repeated:
+            say(gathered.repeated)
+        if rows.empty:
+            write("summary.csv", tables["summary"])
+            return
+        if summary.has_champions(rows):
+            tables["over_champions"] = summary.over_champions(rows, settings)
+        if (doses := summary.dose_response(rows, settings)) is not None:
+            tables["doses"] = doses
+        if (harm := summary.rescue_and_harm(rows)) is not None:
+            tables |= harm[0]
+            write("report.md", harm[1])
+    for name, table in tables.items():
+        write(f"{name}.csv", table)
+    if drawn := figures(Run(folder)):
         from epuckhebb.analysis.image import image  # matplotlib takes a while to load
 
-        for name, figure in figures(Run(folder)).items():
+        for name, figure in drawn.items():
             write(f"figures/{name}.png", image(figure))
 
 

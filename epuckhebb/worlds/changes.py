@@ -9,6 +9,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from epuckhebb.controller.own_class import calling
 
 AT, FUNCTION = "at", "function"
@@ -18,7 +20,8 @@ AT, FUNCTION = "at", "function"
 class Faults:
     """What is wrong between an environment and its controller.
 
-    dead: readings that are 0. noise: standard deviation by the number of a reading. delay: steps that actions wait.
+    dead: readings that are 0. noise: standard deviation by the number of a reading, after its scale. delay: steps that
+    actions wait.
     """
 
     dead: list[int] = field(default_factory=list)
@@ -144,10 +147,9 @@ def apply(change: Mapping[str, Any], env: Any, faults: Faults, functions: Mappin
             _attribute(env, name, value)
 
 
-def readings_of(space: Any) -> int:
+def readings_of(space: Any, what: str = "observations") -> int:
     """How many readings observations of a space are; a ValueError if they are none of Box and Discrete."""
-    if type(space).__name__ == "Discrete":
-        return int(space.n)
-    if type(space).__name__ != "Box":
-        raise ValueError(f"observations must be of Box or Discrete, and are of {type(space).__name__}")
-    return int(space.shape[0] if len(space.shape) == 1 else max(1, space.sample().size))
+    kind = type(space).__name__
+    if kind not in ("Box", "Discrete"):
+        raise ValueError(f"{what} must be of Box or Discrete, and are of {kind}")
+    return int(space.n if kind == "Discrete" else max(1, np.prod(space.shape)))

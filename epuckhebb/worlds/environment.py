@@ -17,6 +17,7 @@ import numpy as np
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.controller import Controller
+from epuckhebb.controller.own_class import calling
 from epuckhebb.controller.ranges import check, within
 from epuckhebb.worlds.changes import AT, Faults, apply, readings_of
 
@@ -98,16 +99,16 @@ class World:
     @cached_property
     def inputs(self) -> int:
         """The number of readings."""
-        return readings_of(self._env.observation_space)
+        return readings_of(getattr(self._env, "observation_space", None), f"environment {self.name}: observations")
 
     @cached_property
     def outputs(self) -> int:
         """The number of outputs that make an action."""
-        space = self._env.action_space
+        space: Any = getattr(self._env, "action_space", None)
         kind = type(space).__name__
         if kind not in ("Box", "Discrete"):
             raise ValueError(f"environment {self.name}: actions must be of Box or Discrete, and are of {kind}")
-        return int(space.n) if kind == "Discrete" else int(np.prod(space.shape))
+        return int(space.n if kind == "Discrete" else np.prod(space.shape))
 
     @cached_property
     def split(self) -> int:
@@ -115,18 +116,21 @@ class World:
         return min((int(change[AT]) for change in self.settings.changes), default=self.settings.horizon // 2)
 
     def check(self) -> None:
-        """Check readings, actions, scales and changes on an environment that is then thrown away; else a ValueError."""
-        try:
-            inputs, scale = self.inputs, np.asarray(self.settings.scale, float)
-        except ValueError as error:
-            raise ValueError(f"environment {self.name}: {error}") from error
+        """Try the first step, the scales and the changes; else a ValueError, of an environment of the user's too."""
+        settings = self.settings
+        inputs, scale = self.inputs, np.asarray(settings.scale, float)
         if scale.shape not in ((), (inputs,)) or not (np.isfinite(scale).all() and (scale > 0).all()):
-            given = self.settings.scale
-            raise ValueError(f"environment.scale must be a number above 0, or {inputs} of them, got {given}")
-        assert self.outputs
-        if self.settings.changes:
+            raise ValueError(f"environment.scale must be a number above 0, or {inputs} of them, got {settings.scale}")
+        still, env = np.zeros(self.outputs), self._env
+        with calling(f"environment {self.name}"):
+            first, _ = env.reset(seed=0)
+            second, reward, _, _, _ = env.step(self.turn(still))
+            read = [self.read(first), self.read(second)]
+            if {one.shape for one in read} != {(inputs,)} or not np.isfinite([np.sum(read), reward]).all():
+                raise ValueError(f"it gave observations {first!r} and {second!r}, and reward {reward!r}")
+        if settings.changes:
             env = self.make()
-            for change in self.settings.changes:
+            for change in settings.changes:
                 try:
                     apply(change, env.unwrapped, Faults(), self.functions)
                 except ValueError as error:
@@ -138,7 +142,7 @@ class World:
         """The function from an observation to the readings, (inputs,)."""
         if type(self._env.observation_space).__name__ == "Discrete":
             first, eye = int(self._env.observation_space.start), np.eye(self.inputs)
-            return lambda observation: np.asarray(eye[int(observation) - first])
+            return lambda observation: np.array(eye[int(observation) - first])
         shrink = 1.0 / np.broadcast_to(np.asarray(self.settings.scale, float), self.inputs)
         return lambda observation: np.tanh(np.asarray(observation, np.float64).ravel() * shrink)
 
@@ -191,13 +195,13 @@ class World:
                     has_faults = True
                 if frozen and step == self.split:
                     controller.rate = 0.0
+                readings = read(observation)
                 if has_faults:
-                    observation = np.array(observation, float)
-                    observation.flat[faults.dead] = 0.0
+                    readings[faults.dead] = 0.0
                     for place, deviation in faults.noise.items():
-                        observation.flat[place] += deviation * rng.standard_normal()
+                        readings[place] += deviation * rng.standard_normal()
                 before = controller.weights.copy() if record else controller.weights
-                action = turn(act(read(observation), min(1.0, reward / full)))
+                action = turn(act(readings, min(1.0, reward / full)))
                 if record:
                     found[:, step] = controller.weight_change, np.abs(controller.weights - before).sum()
                 if has_faults and faults.delay:

@@ -11,7 +11,7 @@ damping. Overwriting velocities instead would discard the solver's corrections a
 Far from walls a step of pymunk is one line of arithmetic. So pymunk is called only when a wall is near or was recently.
 The result is bit-identical and takes a fraction of the time (`tests/test_physics.py` checks both). The one exception is
 a robot that touches two walls at once: pymunk solves their contacts in an order that depends on earlier calls
-(`docs/inside.md`). Either order is right, and ours is the same in every run.
+(`docs/contribute.md`). Either order is right, and ours is the same in every run.
 """
 
 from collections.abc import Callable
