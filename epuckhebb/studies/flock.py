@@ -213,6 +213,12 @@ def replay_page(path: Path) -> str:
     return replay.page(flock, records, f"{path.name}: seed {study.seed}")
 
 
+def first_page() -> str:
+    """The page of the study's first flock, which runs for it."""
+    study = load(FlockStudy, [], None)
+    return replay.page(*study.first_flock(), f"flock: seed {study.seed}")
+
+
 def _rows(keys: FlockKeys) -> list[Row]:
     rows = [Row(FROZEN, Frozen())]
     for where in _ROWS if keys.coupling == ALL else (keys.coupling,):

@@ -329,3 +329,13 @@ def test_both_schemes_on_desk_and_phone(visit, run, scheme, width):
 def brightness(page):
     colour = page.evaluate("getComputedStyle(document.body).backgroundColor")
     return np.mean([int(level) for level in re.findall(r"\d+", colour)])
+
+
+@pytest.mark.parametrize("width", [1280, 320])
+def test_a_preview_shows_robots_and_time_alone(run, visit, width):
+    page = visit(run, "#preview", viewport={"width": width, "height": 480})
+    assert page.evaluate("document.documentElement.scrollWidth") == width
+    expect(page.locator("#mazes figure")).to_have_count(2)
+    expect(page.locator("#play")).to_be_visible()
+    for hidden in ("h1", "#networks", "#charts"):
+        expect(page.locator(hidden)).to_be_hidden()
