@@ -33,7 +33,7 @@ def test_a_run_has_its_figures_in_the_format_of_its_settings(runs):
         [
             ("evaluated", "trajectories"),
             ("evolved", "learning"),
-            *(("evaluated", name) for name in ("maze", "network")),
+            *(("evaluated", name) for name in ("maze", "weights")),
         ],
         ordinary=2,
     ),
@@ -54,12 +54,12 @@ def test_settings_of_matplotlib_change_nothing(runs, here):
 
 
 def test_without_a_name_the_names_are_listed(runs):
-    assert done("figure", runs / "evaluated").stdout.split() == ["trajectories", "maze", "network"]
+    assert done("figure", runs / "evaluated").stdout.split() == ["trajectories", "maze", "weights"]
 
 
 def test_what_cannot_be_drawn_is_refused(runs, tmp_path):
     output = tmp_path / "x.png"
-    known = "has the figures trajectories, maze, network; got learning"
+    known = "has the figures trajectories, maze, weights; got learning"
     assert known in refused("figure", runs / "evaluated", "learning", "-o", output)
     assert "--width" in refused("figure", runs / "evaluated", "trajectories", "--width", "0", "-o", output)
     assert "one of png, svg, pdf, got bmp" in refused("figure", runs / "evaluated", "maze", "-f", "bmp", "-o", output)

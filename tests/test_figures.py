@@ -87,12 +87,11 @@ def circles(axes):
     return [(*patch.center, patch.radius, patch.get_linestyle()) for patch in axes.patches if isinstance(patch, Circle)]
 
 
-def test_view_is_all_that_is_seen_from_start_and_goals_with_walls():
-    np.testing.assert_allclose(figures.view(Scenario()), (-0.452842, 0.461, -0.452599, 0.272401), atol=0.001)
-    assert figures.view(Scenario(obstacles=4)) == figures.view(Scenario())
-    np.testing.assert_allclose(figures.view(IN_ROOM), (0.14, 0.84, 0.04, 0.54), atol=0.001)
+def test_view_is_where_a_robot_can_get_to_with_walls():
+    np.testing.assert_allclose(figures.view(Scenario().maze), (-0.452842, 0.461, -0.452599, 0.272401), atol=0.01)
+    np.testing.assert_allclose(figures.view(ROOM), (0.14, 0.84, 0.04, 0.54), atol=0.01)
     far = replace(ROOM, walls={**ROOM.walls, "elsewhere": Box(1e300, 0.0, 0.1, 0.1)})
-    np.testing.assert_allclose(figures.view(replace(IN_ROOM, maze=far)), (0.16, 0.86, 0.04, 0.54), atol=0.001)
+    np.testing.assert_allclose(figures.view(far), (0.16, 0.86, 0.04, 0.54), atol=0.01)
 
 
 def test_maze_shows_its_walls_goals_and_robot(drawn):
@@ -136,28 +135,18 @@ def test_legend_says_how_it_ended(drawn, end, drives_on, label):
     assert label in texts(drawn[0])
 
 
-@pytest.mark.parametrize(
-    ("layers", "wiring"),
-    [((16, 7, 5, 8, 4, 2), None), ((32, 7, 5, 8, 4, 2), None), ((4, 2), None), ((3, 40, 2), None)]
-    + [((4, 3, 2), Elman(hidden=3))],
-)
-def test_network_of_any_layers(drawn, layers, wiring):
+@pytest.mark.parametrize(("layers", "wiring"), [((16, 7, 5, 8, 4, 2), None), ((4, 3, 2), Elman(hidden=3))])
+def test_weights_before_and_after_with_their_bound(drawn, layers, wiring):
     network = Network(layers, wiring=wiring)
-    genes = np.random.default_rng(1).uniform(-1, 1, network.synapses + 3)  # three more, of a rule
+    genes = np.full(network.synapses + 3, 0.5)  # three more, of a rule
     samples = empty_samples(2, network)
-    samples.weights[-1] = genes[: network.synapses]
-    samples.weights[-1, -1] += 0.5
-    charts.network(genes, {"left": samples}, "title", network)
+    samples.weights[-1] = 0.5
+    samples.weights[-1, 0], samples.weights[-1, -1] = 2.0, -1.0
+    charts.weights(genes, {"left": samples}, 2.0, "title")
     (axes,) = drawn[0].axes
-    (lines,) = (found for found in axes.collections if type(found).__name__ == "LineCollection")
-    segments = lines.get_segments()
-    assert len(segments) == network.synapses
-    neurons = [len(found.get_offsets()) for found in axes.collections if found is not lines]
-    assert neurons == [layers[0] + 1, *layers[1:]]
-    assert axes.get_title() == "left: weight higher (orange) or lower (blue) by up to 0.5"
-    strongest = segments[-1]  # on top: from the last neuron before the wheels to the right wheel
-    assert strongest[:, 0].tolist() == [len(layers) - 2, len(layers) - 1]
-    assert len([text for text in axes.texts if text.get_text()]) == layers[0] + 1
+    higher, lower = (found.get_offsets().tolist() for found in axes.collections)
+    assert (higher, lower) == ([[0.5, 2.0]], [[0.5, -1.0]])
+    assert axes.get_title() == f"left: {1 / network.synapses:.0%} of {network.synapses} weights at the bound"
 
 
 def test_film_shows_the_world_of_the_moment():
@@ -172,10 +161,10 @@ def test_film_shows_the_world_of_the_moment():
     with Image.open(io.BytesIO(movie.gif(traces, world, ""))) as film:
         counts = []
         for second in (2, 6, 10):
-            film.seek(round(second / 8 * 12.5))
+            film.seek(round(second / 16 * 10))
             counts.append(obstacle_pixels(np.asarray(film.convert("RGB"))))
     assert max(counts[0], counts[2]) < 30  # edges of text are as brown
-    assert counts[1] > 1000
+    assert counts[1] > 300
 
 
 def test_same_trajectories_give_the_same_bytes():

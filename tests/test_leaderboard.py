@@ -84,7 +84,7 @@ def test_it_leaves_tables_a_figure_and_a_page(made):
     assert {"leaderboard.csv", "champions.csv", "worlds.csv", "cost.csv", "report.md"} <= names
     for table in folder.glob("*.csv"):
         assert list(pd.read_csv(table, nrows=0)) == described_columns(table.name)
-    assert (folder / "figures" / "leaderboard.png").read_bytes().startswith(b"\x89PNG")
+    assert (folder / "figures" / "leaderboard_obstacles.png").read_bytes().startswith(b"\x89PNG")
     page = (folder / "report.html").read_text()
     assert "://" not in re.sub(r'src="data:[^"]+"', "", page)
     assert page.count('src="data:image/png;base64,') == 3

@@ -38,7 +38,17 @@ def test_it_leaves_a_report_and_its_tables(made):
     folder, result = made
     assert "The paper's claims" in result.stdout
     assert {"report.md", "report.html", "provenance.json", "status.json"} <= {file.name for file in folder.iterdir()}
-    tables = {"metrics", "trials", "claims", "success", "rescue_and_harm", "retention", "dose_response", "comparison"}
+    tables = {
+        "metrics",
+        "trials",
+        "claims",
+        "success",
+        "rescue_and_harm",
+        "retention",
+        "doses",
+        "rescue_over_all",
+        "comparison",
+    }
     assert tables <= {file.stem for file in folder.glob("*.csv")}
 
 

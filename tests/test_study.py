@@ -127,7 +127,7 @@ def test_the_dose_response_has_each_condition_and_the_genes_alone_beside_it():
         for controller, rate in (("GA", "0"), ("Hebbian", "0.1"), ("Hebbian", "0.2"))
     ]
     doses = summary.dose_response(pd.concat(rows), ["N", "lifetime.noise"])
-    assert "(over noise, g alone)" in charts.rates(doses).get_suptitle()
+    assert "(over noise, g alone)" in charts.dose_response(doses).get_suptitle()
     assert [name for name, _ in doses.groupby("condition", sort=False)] == [
         "base, lifetime.noise=0: Hebbian",
         "base, lifetime.noise=1: Hebbian",
@@ -147,7 +147,7 @@ def test_the_dose_response_of_champions_is_one_panel_a_world_over_all_of_them():
         for controller, rate in (("GA", "0"), ("Hebbian", "0.1"), ("Hebbian", "0.2"))
     ]
     doses = summary.dose_response(pd.concat(rows), ["genome", "N", "scenario"])
-    assert "(over champions)" in charts.rates(doses).get_suptitle()
+    assert "(over champions)" in charts.dose_response(doses).get_suptitle()
     assert list(doses.condition.unique()) == ["base: Hebbian", "4obstacles: Hebbian"]
     assert set(doses.success) == {0.5}
     assert (doses.success_low < 0.5).all()

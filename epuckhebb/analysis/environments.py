@@ -1,4 +1,4 @@
-"""Tables and figures of lifetimes in environments: the return before and after a change, with intervals."""
+"""Tables of lifetimes in environments: the return before and after a change, with intervals."""
 
 import itertools
 from collections import Counter
@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from epuckhebb.analysis.lifetimes import Evaluated, Gathered
@@ -21,7 +20,6 @@ _WORLD = ("environment", "change")
 _OWN = ("genome", "seed", "environment", "environment.change", "environment.changes", "hebbian.N")  # have columns
 _NO_CONDITION = ("repeats", "environment.processes")  # keys that do not change what is evaluated
 _BINS = 50  # of a lifetime, in `lifetime.csv`
-_COLOURS = ("#555555", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
 
 
 def over_lifetime(names: Sequence[str], lives: Sequence[Lived], horizon: int) -> list[dict[str, Any]]:
@@ -174,53 +172,3 @@ def readable_effects(rows: pd.DataFrame) -> Table:
     headings = [*first, "champions", "difference", "Holm p"]
     title = "Return after the change: difference to controls, with 95 % intervals over champions"
     return Table(headings, lines, title, text=len(first), numbers=True)
-
-
-def lifetime(course: pd.DataFrame, title: str, changes: Sequence[int]) -> Figure:
-    """The mean reward of a step and the weight change over a lifetime, with the changes marked.
-
-    course: a row for each controller and part, of one champion or many. changes: steps.
-    """
-    from epuckhebb.analysis.figures import tidy
-
-    drawn = Figure(figsize=(6.4, 5.6), layout="constrained")
-    panels = drawn.subplots(2, 1, sharex=True)
-    for number, (name, own) in enumerate(course.groupby("controller", sort=False)):
-        mean_of = own.groupby("step")[["reward", "weight_change"]].mean()
-        look = {"color": _COLOURS[number % len(_COLOURS)], "linestyle": ("-", "--", ":")[number // len(_COLOURS) % 3]}
-        for axes, column in zip(panels, mean_of, strict=True):
-            axes.plot(mean_of.index, mean_of[column], label=plain(str(name)), **look)
-    for axes, label in zip(panels, ("mean reward of a step", "weight change"), strict=True):
-        for step in changes:
-            axes.axvline(step, color="black", linewidth=0.8, linestyle=":")
-        axes.set_ylabel(label)
-        tidy(axes)
-    panels[1].set_xlabel("step" + (", changes dotted" if changes else ""))
-    panels[0].legend(frameon=False, fontsize=8)
-    drawn.suptitle(plain(title), fontsize=9)
-    return drawn
-
-
-def returns(rows: pd.DataFrame) -> Figure:
-    """The mean return before and after a change, of each controller, with intervals: a panel for each change."""
-    from epuckhebb.analysis.figures import tidy
-
-    worlds = rows.fillna({"change": ""}).groupby("change", sort=False)
-    names = list(dict.fromkeys(rows.controller))
-    drawn = Figure(figsize=(2.2 + 2.6 * len(worlds), 1.2 + 0.28 * len(names)), layout="constrained")
-    panels = drawn.subplots(1, len(worlds), sharey=True, sharex=True, squeeze=False)[0]
-    for axes, (change, own) in zip(panels, worlds, strict=True):
-        for (column, label), colour in zip(
-            (("return_before", "before"), ("return_after", "after")), _COLOURS, strict=False
-        ):
-            places = [names.index(name) + (0.15 if label == "after" else -0.15) for name in own.controller]
-            ends = own[[f"{column}_low", f"{column}_high"]].to_numpy(float)
-            axes.hlines(places, *ends.T, color=colour)
-            axes.plot(own[column], places, "o", color=colour, markersize=4, label=label)
-        axes.set_title(plain(str(change)) or "nothing changes", fontsize=9)
-        axes.set_xlabel("return")
-        tidy(axes)
-    panels[0].set_yticks(range(len(names)), map(plain, names))
-    panels[0].invert_yaxis()
-    panels[0].legend(frameon=False, fontsize=8)
-    return drawn

@@ -1,32 +1,31 @@
 """Figures of the maze and of trajectories in it."""
 
-import math
 import textwrap
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb, to_rgba
 from matplotlib.figure import Figure
-from matplotlib.font_manager import FontProperties, findfont, get_font
 from matplotlib.patches import Circle, Rectangle
 from matplotlib.patheffects import withStroke
+from numpy.typing import NDArray
+from scipy import ndimage
 
+from epuckhebb.analysis.charts import INK, SIDE
 from epuckhebb.analysis.evaluate import Traces
-from epuckhebb.analysis.image import as_by_default
+from epuckhebb.analysis.image import in_house_style, plain
 from epuckhebb.analysis.moments import arrival, timed_change_text, with_gaps
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.tmaze.individual import CONTROLS, GA, HEBBIAN
-from epuckhebb.tmaze.maze import SIDES, Side, boxes
+from epuckhebb.tmaze.maze import SIDES, Maze, Side, boxes
 from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.sensors import cast
 
-# Blue and orange (the paper: red), which colour-blind readers can distinguish.
-SIDE_COLOUR = {"left": "#0072B2", "right": "#D55E00"}
-_WALL, _OBSTACLE, _LAMP = "#4d4d4d", "#b07d62", "#E69F00"
+WALL, OBSTACLE, LAMP = "#4d4d4d", "#b07d62", "#E69F00"
 _TITLES = {
     GA: "GA alone",
     HEBBIAN: "GA with Hebbian plasticity",
@@ -34,11 +33,12 @@ _TITLES = {
     CONTROLS[Sign.shuffled]: "GA with Hebbian plasticity, shuffled signs",
 }
 _SIGNS = "● start    ○ the robot at the end    ◌ goal    ★ lamp    grey: walls    brown: obstacles (light: for a part)"
-_RAYS, _THICK = 360, 0.06  # a ray for each degree; m of a wall that are shown
+_SQUARES, _THICK = 400, 0.06  # of a grid a side; m of a wall that are shown
+_DIM, _SUNNY = (np.array(to_rgb(name)) for name in ("#d5dae3", "#fff3c4"))  # floor in no and in full light
 _T = TypeVar("_T")
 
 
-@as_by_default()
+@in_house_style()
 def trajectories(traces: Traces, scenario: Scenario, title: str) -> Figure:
     """One maze for each controller: the paths on both sides, their start and their end."""
     controllers = list(dict.fromkeys(traces.controller))
@@ -49,18 +49,18 @@ def trajectories(traces: Traces, scenario: Scenario, title: str) -> Figure:
                 samples = Samples(*(array[lifetime] for array in traces.samples))
                 _draw_path(axes, samples, scenario, "left" if side == "left" else "right")
         axes.set_title(plain(controller_title(controller)), fontsize=11)
-        axes.legend(ncols=2, fontsize=7.5, frameon=False, loc="upper center", bbox_to_anchor=(0.5, -0.13))
-    figure.suptitle(plain(title), fontsize=11 if len(controllers) > 1 else 8)
+        axes.legend(ncols=2, fontsize=8.5, loc="upper center", bbox_to_anchor=(0.5, -0.13))
+    figure.suptitle(plain(title), fontsize=9.5)
     return figure
 
 
-@as_by_default()
+@in_house_style()
 def maze(scenario: Scenario) -> Figure:
     """The maze with the robot at its start."""
     figure, (axes,) = _mazes(scenario, 1, "")
     x, y, heading = scenario.maze.start
     ahead = scenario.robot.radius_m * np.array([np.cos(heading), np.sin(heading)])
-    axes.add_patch(Circle((x, y), scenario.robot.radius_m, facecolor="#009E73", edgecolor="black", zorder=3))
+    axes.add_patch(Circle((x, y), scenario.robot.radius_m, facecolor="white", edgecolor=INK, zorder=3))
     axes.plot([x, x + ahead[0]], [y, y + ahead[1]], color="black", zorder=4)
     for side in SIDES:
         axes.annotate(f"goal\n({side})", scenario.goals_now[side], ha="center", va="center", fontsize=8)
@@ -69,13 +69,13 @@ def maze(scenario: Scenario) -> Figure:
 
 def _mazes(scenario: Scenario, panels: int, signs: str = _SIGNS) -> tuple[Figure, list[Axes]]:
     """Mazes side by side; below them the changes of the lifetime and the meaning of the signs."""
-    left, right, bottom, top = view(scenario)
+    left, right, bottom, top = view(scenario.maze)
     wide = max(4.8 * panels, 6.4 if scenario.changes else 4.8)
     changes = [f"◆{number} {timed_change_text(change)}" for number, change in enumerate(scenario.changes, 1)]
     changes += [f"{len(scenario.hand)} changes by hand"] if scenario.hand else []
     lines = [line for part in ("    ".join(changes), signs) for line in textwrap.wrap(part, round(13 * wide))]
     high = min(5.6, max(1.6, 4.0 * (top - bottom) / (right - left))) + 1.5 + 0.19 * len(lines)
-    figure = Figure(figsize=(wide, high), layout="constrained")
+    figure = Figure(figsize=(wide, high))
     figure.supxlabel(plain("\n".join(lines)), fontsize=8.5)
     drawn = list(figure.subplots(1, panels, squeeze=False)[0])
     for axes in drawn:
@@ -83,20 +83,29 @@ def _mazes(scenario: Scenario, panels: int, signs: str = _SIGNS) -> tuple[Figure
     return figure, drawn
 
 
-def view(scenario: Scenario) -> tuple[float, float, float, float]:
-    """Left, right, bottom and top edge [m] of a picture of a maze: all that is seen from start and goals, and walls."""
-    maze, walls, arena = scenario.maze, boxes(scenario.maze), scenario.maze.arena_m
-    angles = np.radians(np.arange(_RAYS) + 0.5)  # none along an axis, where one part of its direction is 0
-    ahead, distance, seen = np.array([np.cos(angles), np.sin(angles)]), np.empty(_RAYS), []
-    goals = (world.goals_now[side] for _, world in scenario.phases for side in SIDES)
-    for x, y in (place[:2] for place in (maze.start, *goals)):
-        rays = np.vstack([np.full(_RAYS, x), np.full(_RAYS, y), ahead, 1 / ahead])
-        cast(x, y, rays, _RAYS, walls, math.inf, distance)
-        seen.append(rays[:2] + ahead * np.minimum(distance, 2 * arena))
-    low, high = np.concatenate(seen, axis=1).min(axis=1), np.concatenate(seen, axis=1).max(axis=1)
-    left, bottom = np.maximum(low - _THICK, np.maximum(walls[:, [0, 2]].min(axis=0), -arena)).tolist()
-    right, top = np.minimum(high + _THICK, np.minimum(walls[:, [1, 3]].max(axis=0), arena)).tolist()
+def view(maze: Maze) -> tuple[float, float, float, float]:
+    """Left, right, bottom and top edge [m] of a picture of a maze: where a robot can get to, and the walls around."""
+    (rows, columns), walls = np.nonzero(_floor(maze)), boxes(maze)
+    low, high = (
+        maze.arena_m * (2 * np.array([end(columns), end(rows)]) / (_SQUARES - 1) - 1) for end in (np.min, np.max)
+    )
+    left, bottom = np.maximum(low - _THICK, np.maximum(walls[:, [0, 2]].min(axis=0), -maze.arena_m)).tolist()
+    right, top = np.minimum(high + _THICK, np.minimum(walls[:, [1, 3]].max(axis=0), maze.arena_m)).tolist()
     return left, right, bottom, top
+
+
+def _floor(maze: Maze) -> NDArray[np.bool_]:
+    """Where one can get to from the start: whether each square of the arena is there, (squares of y, squares of x)."""
+    middle = np.linspace(-maze.arena_m, maze.arena_m, _SQUARES)
+    reach = middle[1] - middle[0]
+    free = np.ones((_SQUARES, _SQUARES), bool)
+    for left, right, bottom, top in boxes(maze):
+        inside = [(low - reach < middle) & (middle < high + reach) for low, high in ((bottom, top), (left, right))]
+        free[np.ix_(*inside)] = False
+    rooms, _ = ndimage.label(free)
+    x, y = np.abs(middle - np.array(maze.start[:2])[:, None]).argmin(axis=1)
+    floor: NDArray[np.bool_] = rooms == rooms[y, x]
+    return floor
 
 
 def controller_title(controller: str) -> str:
@@ -104,18 +113,10 @@ def controller_title(controller: str) -> str:
     return _TITLES.get(controller, f"GA with “{controller}”")
 
 
-def plain(text: str) -> str:
-    """The text as matplotlib shows it unchanged, not as mathematics; `?` for each sign that its font lacks."""
-    signs = get_font(findfont(FontProperties())).get_charmap()
-    return "".join(sign if sign == "\n" or ord(sign) in signs else "?" for sign in text).replace("$", r"\$")
-
-
-def tidy(axes: Axes, grid: Literal["x", "y"] | None = None) -> None:
-    """No frame above and at the right; a light grid across an axis, if one is named."""
-    axes.spines[["top", "right"]].set_visible(False)
-    if grid:
-        axes.grid(axis=grid, color="#ddd", linewidth=0.6)
-        axes.set_axisbelow(True)
+def floor_colour(world: Scenario) -> tuple[float, float, float]:
+    """The floor, warmer in brighter sunlight: red, green and blue, from 0 to 1."""
+    red, green, blue = (_DIM + min(1.0, world.light) * (_SUNNY - _DIM)).tolist()
+    return red, green, blue
 
 
 def draw_maze(axes: Axes, scenario: Scenario) -> list[Artist]:
@@ -125,28 +126,32 @@ def draw_maze(axes: Axes, scenario: Scenario) -> list[Artist]:
     the change.
     """
     worlds = [world for _, world in replace(scenario, hand=()).phases]  # changes by hand are too many for a picture
-    wall, obstacle = {"color": _WALL, "zorder": 1.5}, {"color": _OBSTACLE, "alpha": 1 / len(worlds)}
+    axes.set_facecolor(floor_colour(scenario))
+    beyond = np.zeros((_SQUARES, _SQUARES, 4))
+    beyond[~ndimage.binary_dilation(_floor(scenario.maze), iterations=2)] = to_rgba("white")
+    arena = scenario.maze.arena_m
+    wall, obstacle = {"color": WALL, "zorder": 1.5}, {"color": OBSTACLE, "alpha": 1 / len(worlds)}
     looks: list[tuple[Any, Any]] = [(edges, wall) for edges in boxes(scenario.maze)]
     looks += [(edges, obstacle) for world in worlds for edges in world.boxes[len(world.maze.walls) :]]
-    drawn: list[Artist] = [
+    drawn: list[Artist] = [axes.imshow(beyond, extent=(-arena, arena, -arena, arena), origin="lower", zorder=1.2)]
+    drawn += [
         axes.add_patch(Rectangle((left, bottom), right - left, top - bottom, linewidth=0, **look))
         for (left, right, bottom, top), look in looks
     ]
     for side in SIDES:
-        look = {"fill": False, "linestyle": ":", "edgecolor": SIDE_COLOUR[side]}
+        look = {"fill": False, "linestyle": ":", "edgecolor": SIDE[side]}
         for number, place in _numbered(world.goals_now[side] for world in worlds):
             drawn.append(axes.add_patch(Circle(place, scenario.maze.goal_radius_m, **look)))
             if number:
-                drawn.append(axes.annotate(f"◆{number}", place, color=SIDE_COLOUR[side], fontsize=8, ha="center"))
-    left, right, bottom, top = view(scenario)
+                drawn.append(axes.annotate(f"◆{number}", place, color=SIDE[side], fontsize=8, ha="center"))
+    left, right, bottom, top = view(scenario.maze)
     lamps = [] if scenario.task.has_trials else _numbered((world.lamp.x_m, world.lamp.y_m) for world in worlds)
     for number, (x, y) in lamps:
-        drawn += axes.plot(x, y, marker="*", markersize=11, color=_LAMP, markeredgewidth=0)
-        name = f"◆{number} lamp" if number else "lamp (on: go right)"
+        drawn += axes.plot(x, y, marker="*", markersize=11, color=LAMP, markeredgewidth=0)
+        name = f"◆{number} lamp" if number else "lamp\n(on: go right)"
         offset, ha = ((9, -3), "left") if x < left + 0.7 * (right - left) else ((-9, -3), "right")
         drawn.append(axes.annotate(name, (x, y), offset, textcoords="offset points", fontsize=8, ha=ha))
     axes.set(xlim=(left, right), ylim=(bottom, top), aspect="equal", xlabel="X (m)", ylabel="Y (m)")
-    tidy(axes)
     return drawn
 
 
@@ -163,13 +168,13 @@ def _draw_path(axes: Axes, samples: Samples, scenario: Scenario, side: Side) -> 
     end = "is rewarded first" if scenario.task.has_trials else arrival(samples, scenario, side).text
     radius, start = scenario.robot.radius_m, scenario.maze.start
     _, path = with_gaps(time, pose, scenario)
-    axes.plot(path[:, 0], path[:, 1], color=SIDE_COLOUR[side], linewidth=1.4, label=f"{side}: {end}")
-    axes.add_patch(Circle((pose[-1, 0], pose[-1, 1]), radius, fill=False, edgecolor=SIDE_COLOUR[side], linewidth=1.2))
+    axes.plot(path[:, 0], path[:, 1], color=SIDE[side], linewidth=1.4, label=f"{side}: {end}")
+    axes.add_patch(Circle((pose[-1, 0], pose[-1, 1]), radius, fill=False, edgecolor=SIDE[side], linewidth=1.2))
     axes.plot(start.x, start.y, marker="o", markersize=4, color="black")
     offset, ha = ((6, 5), "left") if side == "right" else ((-6, 5), "right")
     for number, since in enumerate([] if scenario.hand else samples.phase_began):
         if number and not np.isnan(since):
             x, y = (float(np.interp(since, time, pose[:, axis])) for axis in (0, 1))
-            axes.plot(x, y, marker="D", markersize=5.5, color=SIDE_COLOUR[side], markeredgecolor="white", zorder=3)
+            axes.plot(x, y, marker="D", markersize=5.5, color=SIDE[side], markeredgecolor="white", zorder=3)
             mark = axes.annotate(str(number), (x, y), offset, textcoords="offset points", fontsize=8, ha=ha, zorder=4)
             mark.set_path_effects([withStroke(linewidth=2, foreground="white")])

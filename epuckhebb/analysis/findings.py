@@ -1,4 +1,4 @@
-"""Findings over many champions: success, rescue and harm, retention and dose-response.
+"""Findings over many champions: success, rescue and harm, and retention.
 
 `metrics` is the table of all lifetimes, with the columns of `epuckhebb.analysis.evaluate`; `genome` is the champion.
 All intervals and p values take champions as the independent unit: see `epuckhebb.analysis.statistics`.
@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from epuckhebb.analysis.statistics import bootstrap, mean, sign_flip, wilson_by_champion
-from epuckhebb.tmaze.individual import CONTROLS, GA
+from epuckhebb.tmaze.individual import GA
 from epuckhebb.tmaze.scenario import TRAINED
 
 CHANGED = {"light": ("lowlight",), "obstacles": ("2obstacles", "4obstacles")}
@@ -158,29 +158,6 @@ def retention(by_champion: pd.DataFrame) -> pd.DataFrame:
                 | {"share": ratio(int(retained.sum()), int(trials.sum())), "low": low, "high": high}
             )
     return pd.DataFrame(rows)
-
-
-def dose_response(each: pd.DataFrame) -> pd.DataFrame:
-    """Success, time to goal and weight change for each rate: means over champions; N = 0 is the GA.
-
-    The interval of success is from `wilson_by_champion`, those of the others are from a bootstrap.
-    """
-    rows = []
-    shown = each[each.controller.isin([GA, *CONTROLS.values()])]
-    for cell, group in shown.groupby(_CELL, sort=False):
-        row = dict(zip(_CELL, cell, strict=True))
-        for column in ("success", "time_to_goal_s", "weight_change_mean"):
-            values = group.groupby("genome", sort=False)[column].mean().to_numpy(float)
-            shares = column == "success"
-            low, high = wilson_by_champion(values, np.ones(len(values))) if shares else bootstrap(mean, values)
-            known = values[np.isfinite(values)]
-            row |= {
-                column: float(known.mean()) if len(known) else float("nan"),
-                f"{column}_low": low,
-                f"{column}_high": high,
-            }
-        rows.append(row)
-    return pd.DataFrame(rows).sort_values([*_CELL[:3], "N"], kind="stable", ignore_index=True)
 
 
 def _plasticities(each: pd.DataFrame) -> Iterator[tuple[str, str, float]]:

@@ -1,11 +1,16 @@
-"""Turns a figure into a PNG, SVG or PDF, in the size of a column or a page of a paper if one is asked for."""
+"""The look of figures, and a figure as PNG, SVG or PDF, in the size of a column or a page of a paper if asked for.
+
+Figures are opaque and white with a margin, so that they can be read on a dark page, too.
+"""
 
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
-from matplotlib import rc_context, rcdefaults
+from matplotlib import rc_context, rcdefaults, rcParams
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties, findfont, get_font
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 from PIL import Image
@@ -16,15 +21,42 @@ MM = 25.4  # of an inch
 _NO_DATE = {"png": {"Software": None}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
 
 
+_STYLE: dict[Any, Any] = {
+    "figure.constrained_layout.use": True,
+    "figure.constrained_layout.w_pad": 0.12,  # inches
+    "figure.constrained_layout.h_pad": 0.1,
+    "figure.titlesize": 10,
+    "font.size": 9.5,
+    "axes.titlesize": 10,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+    "grid.color": "#dddddd",
+    "grid.linewidth": 0.6,
+    "errorbar.capsize": 1.5,
+    "lines.linewidth": 1.3,
+    "lines.markersize": 5,
+    "legend.frameon": False,
+    "legend.fontsize": 9,
+}
+
+
 @contextmanager
-def as_by_default() -> Iterator[None]:
-    """Draw with the settings that matplotlib has by itself, not with those of a user's `matplotlibrc`."""
+def in_house_style() -> Iterator[None]:
+    """Draw with the settings of the program, not with those of a user's `matplotlibrc`."""
     with rc_context():
         rcdefaults()
+        rcParams.update(_STYLE)
         yield
 
 
-@as_by_default()
+def plain(text: str) -> str:
+    """The text as matplotlib shows it unchanged, not as mathematics; `?` for each sign that its font lacks."""
+    signs = get_font(findfont(FontProperties())).get_charmap()
+    return "".join(sign if sign == "\n" or ord(sign) in signs else "?" for sign in text).replace("$", r"\$")
+
+
+@in_house_style()
 def image(figure: Figure, kind: str = "png", width_mm: float | None = None) -> bytes:
     """The figure as a file, without date or program: equal figures are bit-identical.
 

@@ -32,7 +32,6 @@ from epuckhebb.tmaze.individual import CLASSES, GA
 from epuckhebb.tmaze.scenario import TRAINED
 from epuckhebb.tmaze.task import Task
 
-FIGURE = "leaderboard.png"
 REVERSAL = "reversal"  # the experiment that is not one of the paper's
 PLAIN, EVOLVED, POST_HOC = "plain", "evolved", "post_hoc"  # the kinds of methods
 KINDS = {PLAIN: "no plasticity", EVOLVED: "plasticity during evolution", POST_HOC: "added after evolution"}
@@ -344,15 +343,15 @@ _TERMS = """\
   champions, the others are from a bootstrap.
 """
 CAPTIONS = {
-    FIGURE: (
+    "leaderboard": (
         "Left: success over the test worlds, or share of rewarded trials, of each method, with its 95 % interval. "
         "Small dots are single champions. A cross is the same with the rule off, a triangle with the reward inverted. "
         "Right: the difference to the matched control."
     ),
-    "anytime.png": (
+    "anytime": (
         "Anytime curves: the success over the test worlds of the champions that a method has after so many robot-steps."
     ),
-    "profiles.png": (
+    "profiles": (
         "Performance profiles: the share of champions whose success exceeds the value below. A line is a method; the "
         "best of each kind has its name."
     ),

@@ -5,67 +5,72 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from epuckhebb.analysis import leaderboard
-from epuckhebb.analysis.figures import plain, tidy
-from epuckhebb.analysis.image import as_by_default
-from epuckhebb.analysis.statistics import performance_profile
+from epuckhebb.analysis.charts import INK, KIND, SOFT, by_experiment, too_few
+from epuckhebb.analysis.image import in_house_style, plain
+from epuckhebb.analysis.statistics import LEAST, performance_profile
 
-_COLOUR = {leaderboard.PLAIN: "#555555", leaderboard.EVOLVED: "#0072B2", leaderboard.POST_HOC: "#D55E00"}
+_MARKER = {leaderboard.PLAIN: "o", leaderboard.EVOLVED: "D", leaderboard.POST_HOC: "s"}
+_OTHERS = {"rule off": "x", "reward inverted": "v", "one champion": "."}
 
 
-@as_by_default()
-def leaderboard_of(board: pd.DataFrame, champions: pd.DataFrame, limits: Mapping[str, Mapping[str, float]]) -> Figure:
-    """Two panels for each experiment: success of each method, and the difference to its matched control.
+@in_house_style()
+def success(board: pd.DataFrame, champions: pd.DataFrame, limits: Mapping[str, float]) -> Figure:
+    """Success of each method of an experiment below its class of knowledge, and the difference to the matched control.
 
-    board, champions: the two tables of `analysis.leaderboard`. limits: for some experiments lines with their names,
-    such as chance and the optimum.
+    board, champions: the rows of the experiment in the two tables of `analysis.leaderboard`; methods with fewer than
+    six champions are left out. limits: lines with their names, such as chance and the optimum.
     """
-    groups = list(board.groupby("experiment", sort=False))
-    heights = [0.27 * len(own) + 0.9 for _, own in groups]
-    drawn = Figure(figsize=(10.5, sum(heights) + 0.5), layout="constrained")
-    panels = drawn.subplots(len(groups), 2, squeeze=False, height_ratios=heights, width_ratios=(3, 2))
-    for (left, right), (experiment, own) in zip(panels, groups, strict=True):
-        for line, row in enumerate(own.itertuples()):
-            place = -line
-            colour = _COLOUR[str(row.kind)]
-            single = champions[(champions.experiment == experiment) & (champions.method == row.method)]
-            shares = single.successes / single.trials
-            left.scatter(shares, [place - 0.25] * len(shares), s=10, color=colour, alpha=0.45, linewidths=0)
-            _interval(left, place, colour, row.success, row.success_low, row.success_high)
-            left.scatter([row.success_off], [place], s=26, marker="x", color=colour, linewidths=1.1)
-            left.scatter([row.success_inverted], [place], s=26, marker="v", color=colour, facecolor="none")
-            _interval(right, place, colour, row.difference, row.difference_low, row.difference_high)
-        left.set_yticks(-np.arange(len(own)), [plain(name) for name in own.method], fontsize=8)
-        for name, share in limits.get(str(experiment), {}).items():
-            left.axvline(share, color="black", linewidth=0.8, linestyle="--", zorder=0.5)
-            left.annotate(name, (share, 0.6), (2, -7), textcoords="offset points", fontsize=7)
-        left.set(xlim=(-0.02, 1.02), title=leaderboard.title(str(experiment)))
-        right.set(title="difference to the matched control")
-        right.axvline(0, color="black", linewidth=0.8)
-        right.tick_params(labelleft=False)
-        for axes in (left, right):
-            axes.set_ylim(0.6 - len(own), 0.6)
-            axes.title.set_fontsize(10)
-            tidy(axes, "x")
-        right.set_yticks(left.get_yticks())
-    panels[-1][0].set_xlabel("share of trials that succeed")
-    panels[-1][1].set_xlabel("difference of that share")
-    marks = [
-        Line2D([], [], color=colour, marker="o", linestyle="", markersize=5, label=leaderboard.KINDS[kind])
-        for kind, colour in _COLOUR.items()
-        if kind in set(board.kind)
-    ]
-    drawn.legend(handles=marks, frameon=False, fontsize=8, loc="outside lower center", ncols=len(marks))
+    is_reversal = (board.experiment == leaderboard.REVERSAL).all()  # there all have the same knowledge, the reward
+    by = "experiment" if is_reversal else "knowledge_class"
+    groups = list(board[board.champions >= LEAST].groupby(by, sort=False))
+    if not groups:
+        return too_few()
+    lines = sum(len(own) + 1 for _, own in groups)
+    drawn = Figure(figsize=(9.0, 0.25 * lines + 1.4))
+    left, right = drawn.subplots(1, 2, width_ratios=(3, 2), sharey=True)
+    ticks, place = dict[int, str](), 0
+    for knowledge, own in groups:
+        if len(groups) > 1:
+            head = {"xycoords": ("axes fraction", "data"), "ha": "right", "va": "center", "weight": "bold"}
+            left.annotate(knowledge, (-0.01, place), **head)
+            place -= 1
+        for row in own.itertuples():
+            look = {"color": KIND[row.kind], "marker": _MARKER[row.kind]}
+            single = champions[champions.method == row.method]
+            left.scatter(single.successes / single.trials, [place - 0.3] * len(single), s=5, color=SOFT, linewidths=0)
+            for value, marker in ((row.success_off, "x"), (row.success_inverted, "v")):
+                left.scatter(value, place, s=24, marker=marker, color=INK, facecolor="none" if marker == "v" else INK)
+            for axes, name in ((left, "success"), (right, "difference")):
+                value, low, high = (getattr(row, name + end) for end in ("", "_low", "_high"))
+                axes.errorbar(value, place, xerr=np.nan_to_num([[value - low], [high - value]]), **look)
+            right.annotate(f"{row.champions}", (1.04, place), xycoords=("axes fraction", "data"), va="center")
+            ticks[place], place = plain(row.method), place - 1
+    left.set_yticks(list(ticks), list(ticks.values()))
+    for name, share in limits.items():
+        left.axvline(share, color=INK, linewidth=0.8, linestyle="--", zorder=0.5)
+        left.annotate(name, (share, 0.6), (2, 0), textcoords="offset points", fontsize=8)
+    left.set(xlim=(-0.02, 1.02), ylim=(place + 0.3, 0.8), xlabel="share of trials that succeed (aim: 1)")
+    right.set(xlim=(-0.62, 0.62), xlabel="difference to the matched control\n(aim: above 0)")
+    right.axvline(0, color=INK, linewidth=0.8)
+    right.annotate("n", (1.04, 1), xycoords="axes fraction", weight="bold")
+    for axes in (left, right):
+        axes.grid(axis="x")
+        axes.tick_params(axis="y", length=0)
+    kinds = [(leaderboard.KINDS[kind], KIND[kind], _MARKER[kind]) for kind in _MARKER if kind in set(board.kind)]
+    known = {"rule off": board.success_off, "reward inverted": board.success_inverted, "one champion": board.champions}
+    kinds += [(name, INK, marker) for name, marker in _OTHERS.items() if known[name].notna().any()]
+    marks = [Line2D([], [], color=colour, marker=mark, linestyle="", label=name) for name, colour, mark in kinds]
+    drawn.legend(handles=marks, loc="outside lower center", ncols=3)
     return drawn
 
 
-@as_by_default()
+@in_house_style()
 def profiles(board: pd.DataFrame, champions: pd.DataFrame) -> Figure:
-    """The share of champions that exceed each success, of each method; see `leaderboard_of`."""
+    """The share of champions that exceed each success, of each method; see `success`."""
     thresholds = np.linspace(0.0, 1.0, 401)
 
     def curve(own: pd.DataFrame) -> tuple[Any, Any]:
@@ -73,17 +78,19 @@ def profiles(board: pd.DataFrame, champions: pd.DataFrame) -> Figure:
 
     drawn = _curves(board, champions, curve, drawstyle="steps-post")
     for axes in drawn.axes:
-        axes.set(xlim=(0, 1), xlabel="success over the test worlds", ylabel="share of champions that exceed it")
+        axes.set(xlim=(0, 1), xlabel="success over the test worlds")
+    drawn.axes[0].set_ylabel("share of champions that exceed it")
     return drawn
 
 
-@as_by_default()
+@in_house_style()
 def anytime(board: pd.DataFrame, course: pd.DataFrame) -> Figure:
     """The success of each method against the robot-steps of its evolution. course: of `leaderboard.anytime`."""
     tested = board[board.method.isin(course.method)]
     drawn = _curves(tested, course, lambda own: (own.robot_steps / 1e6, own.success), marker="o", markersize=3)
     for axes in drawn.axes:
-        axes.set(xscale="log", xlabel="million robot-steps of evolution", ylabel="success over the test worlds")
+        axes.set(xscale="log", xlabel="million robot-steps of evolution")
+    drawn.axes[0].set_ylabel("success over the test worlds")
     return drawn
 
 
@@ -91,22 +98,15 @@ def _curves(
     board: pd.DataFrame, rows: pd.DataFrame, curve: Callable[[pd.DataFrame], tuple[Any, Any]], **style: Any
 ) -> Figure:
     """A line for each method, a panel for each experiment; the best method of each kind has its name."""
-    groups = list(board[board.experiment.isin(rows.experiment)].groupby("experiment", sort=False))
-    drawn = Figure(figsize=(3.6 * len(groups) + 1.0, 3.6), layout="constrained")
-    for axes, (experiment, own) in zip(drawn.subplots(1, len(groups), squeeze=False)[0], groups, strict=True):
+    groups = by_experiment(board[board.experiment.isin(rows.experiment)])
+    drawn = Figure(figsize=(3.6 * len(groups) + 1.0, 3.6))
+    panels = drawn.subplots(1, len(groups), squeeze=False, sharey=True)[0]
+    for axes, (experiment, own) in zip(panels, groups, strict=True):
         best = own.loc[own.groupby("kind").success.idxmax()].set_index("method").kind
         for method in sorted(own.method, key=lambda name: name in best):
             line = curve(rows[(rows.experiment == experiment) & (rows.method == method)])
-            axes.plot(*line, color="#bbbbbb", linewidth=0.8, **style)
-            if method in best:
-                axes.plot(*line, color=_COLOUR[best[method]], linewidth=2.0, label=plain(method), **style)
-        axes.set(ylim=(0, 1.02), title=leaderboard.title(str(experiment)))
-        axes.title.set_fontsize(10)
-        tidy(axes)
-        axes.legend(frameon=False, fontsize=8)
+            look = {"color": KIND[best[method]], "linewidth": 2.2, "label": plain(method)} if method in best else {}
+            axes.plot(*line, **{"color": "#dddddd", "linewidth": 0.8, **style, **look})
+        axes.set(ylim=(0, 1.02), title=f"{leaderboard.title(experiment)}, n = {own.champions.max()}")
+        axes.legend()
     return drawn
-
-
-def _interval(axes: Axes, place: int, colour: str, value: float, low: float, high: float) -> None:
-    away = None if np.isnan(low) else [[value - low], [high - value]]
-    axes.errorbar([value], [place], xerr=away, fmt="o", color=colour, markersize=5, elinewidth=1.3)

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from epuckhebb.analysis import claims, findings, published, rescue
+from epuckhebb.analysis import claims, findings, published, rescue, summary
 from epuckhebb.analysis.claims import RULE
 from epuckhebb.analysis.evaluate import evaluate
 from epuckhebb.analysis.findings import PAPER_N
@@ -128,6 +128,8 @@ def hebbian(rate: float, signal: Signal, sign: Sign = Sign.hebbian) -> Controlle
 def tables_of(metrics: pd.DataFrame, paper: Mapping[str, Any]) -> dict[str, pd.DataFrame]:
     """Every table by its name. metrics: the lifetimes of all champions. paper: as of `markdown`."""
     each = findings.trials(metrics)
+    by_champion = findings.rescue_by_champion(each)
+    doses = summary.dose_response(metrics.assign(changed=""), ["N"])
     shown = {one: name for one, (name, *_) in showcases(each, paper).items()}
     return {
         "metrics": metrics,
@@ -135,10 +137,10 @@ def tables_of(metrics: pd.DataFrame, paper: Mapping[str, Any]) -> dict[str, pd.D
         "claims": claims.claims(each, published.published_values(paper)),
         "success": findings.success(each),
         "rescue_and_harm": findings.rescue_and_harm(each),
-        "retention": findings.retention(findings.rescue_by_champion(each)),
-        "dose_response": findings.dose_response(each),
+        "retention": findings.retention(by_champion),
+        "rescue_over_all": findings.rescue_over_all(by_champion),
         "comparison": published.compare(published.published_values(paper), each, shown),
-    }
+    } | ({} if doses is None else {"doses": doses})
 
 
 def showcases(each: pd.DataFrame, paper: Mapping[str, Any]) -> dict[str, tuple[str, int, int]]:
@@ -148,7 +150,7 @@ def showcases(each: pd.DataFrame, paper: Mapping[str, Any]) -> dict[str, tuple[s
 
 
 def figures_of(
-    doses: tuple[pd.DataFrame, pd.DataFrame],
+    tables: Mapping[str, pd.DataFrame],
     shown: Mapping[str, tuple[str, NDArray[Any]]],
     signals: Mapping[str, Signal],
     world: Callable[[str], tuple[Scenario, Lifetime]],
@@ -157,9 +159,9 @@ def figures_of(
 ) -> dict[str, "Figure"]:
     """The figures by name, each with its caption as label, in the order of the page.
 
-    doses: the tables `dose_response` and `rescue_and_harm`. shown, signals: for each experiment the champion that is
-    shown, its name and genes (234,), and the live fitness. world: gives the scenario of a name and its lifetime.
-    histories: for each experiment the histories of its champions; empty for a given genome. seed: of the noise.
+    tables: those of `tables_of` by name. shown, signals: for each experiment the champion that is shown, its name and
+    genes (234,), and the live fitness. world: gives the scenario of a name and its lifetime. histories: for each
+    experiment the histories of its champions; empty for a given genome. seed: of the noise.
     """
     from epuckhebb.analysis import charts, figures  # matplotlib takes a while to load
 
@@ -172,43 +174,30 @@ def figures_of(
     maze = figures.maze(world("4obstacles")[0])
     add("maze", maze, "The maze: robot at the start, lamp, goals with their 5 cm circles, four obstacles (brown).")
     for one, (name, genes) in shown.items():
-        rate, recorded = PAPER_N[one], dict[str, dict[str, Samples]]()
-        at_rate = f"`{name}`, N = {rate:g}"
+        plastic, recorded = hebbian(PAPER_N[one], signals[one]), dict[str, dict[str, Samples]]()
+        at_rate = f"{name}, N = {PAPER_N[one]:g}"
         for place in worlds(one):
             scenario, lifetime = world(place)
-            plastic = hebbian(rate, signals[one])
             _, traces = evaluate(genes, scenario, [plastic], lifetime, repeats=1, seed=seed, name=name)
-            add(
-                f"trajectories_{place}",
-                figures.trajectories(traces, scenario, f"{place}, {name}, N = {rate:g}, one lifetime a side"),
-                f"{place}: trajectories of `{name}`, GA alone and with N = {rate:g}; one lifetime a side.",
-            )
+            drawn = figures.trajectories(traces, scenario, f"{place}, {at_rate}, one lifetime a side")
+            add(f"trajectories_{place}", drawn, f"{place}: trajectories of {at_rate}, one lifetime a side.")
             recorded[place] = traces.lifetimes_of(HEBBIAN)
         changed = {place: recorded[place] for place in findings.CHANGED[one]}
-        for against in ("fitness", "light" if one == "light" else "proximity"):
-            add(
-                f"weight_change_{one}_{against}",
-                charts.weight_change(changed, against, f"{name}, N = {rate:g}"),
-                f"{one}: weight change between samples against {against}, {at_rate}; left blue, right orange.",
-            )
-        last = findings.CHANGED[one][-1]
-        add(
-            f"network_{one}",
-            charts.network(genes, recorded[last], f"{name} in {last}, N = {rate:g}"),
-            f"{last}: change of the weights of `{name}` by plasticity at N = {rate:g}, at the end of a lifetime.",
-        )
-        if histories:
-            n = len(histories[one])
-            add(
-                f"dose_response_{one}",
-                charts.dose_response(*doses, one, n),
-                f"{one}: success, time to goal, weight change, and rescue and harm with their controls, against N "
-                f"(n = {n} champions).",
-            )
+        against, last = "light" if one == "light" else "proximity", findings.CHANGED[one][-1]
+        drawn = charts.weight_change(changed, against, at_rate)
+        add(f"weight_change_{one}", drawn, f"{one}: weight change between samples against {against}, {at_rate}.")
+        drawn = charts.weights(genes, recorded[last], plastic.rule.w_max, f"{last}, {at_rate}")
+        add(f"weights_{one}", drawn, f"{last}: each weight of {at_rate} before and at the end of a lifetime.")
+        if histories and "doses" in tables:
+            doses = tables["doses"]
+            own = doses[doses.condition.isin([f"{place}: {HEBBIAN}" for place in worlds(one)])]
+            caption = f"{one}: success, weight change and saturated weights against N (n = {len(histories[one])})."
+            add(f"dose_response_{one}", charts.dose_response(own), caption)
     if histories:
-        n = len(next(iter(histories.values())))
-        caption = f"Learning curves: best and mean fitness, median and quartiles of {n} evolutions."
-        add("learning_curves", charts.learning_curves(dict(histories)), caption)
+        caption = "Rescued against harmed trials of all changed worlds at the paper's rates, with 95 % intervals."
+        add("rescue_and_harm", charts.rescue_and_harm(_at_paper_rates(tables["rescue_over_all"])), caption)
+        caption = "Learning curves: best and mean fitness, median and quartiles of the evolutions."
+        add("learning_curves", charts.learning_curves(dict(sorted(histories.items(), reverse=True))), caption)
     return made
 
 

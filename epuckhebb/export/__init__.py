@@ -8,7 +8,7 @@ What cannot be read, exported or written raises `ConfigError`.
 FIGURES = {  # of a run, and the file that each needs
     "trajectories": "traces.npz",
     "maze": "traces.npz",
-    "network": "traces.npz",
+    "weights": "traces.npz",
     "reversal": "reversal.csv",
     "learning": "history.csv",
     "lifetime": "lifetime.csv",

@@ -12,9 +12,9 @@ from epuckhebb.export.replay import recording
 from epuckhebb.runs import config_of, figures
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Run, load_genome, of_multirun, write_atomic
-from epuckhebb.studies import sweep
+from epuckhebb.studies import evolutions, sweep
 from epuckhebb.studies.study import study_named
-from epuckhebb.tmaze.individual import GA
+from epuckhebb.tmaze.individual import GA_ALONE
 
 
 def _of_run(run: Run, name: str) -> Figure:
@@ -33,9 +33,9 @@ def _of_run(run: Run, name: str) -> Figure:
         return trajectories(traces, world, shown.title)
     if name == "maze":
         return maze(world)
-    plastic = next((one for one in traces.controller if one != GA), GA)
-    samples, title = traces.lifetimes_of(plastic), f"{plastic} in {shown.title}"
-    return charts.network(shown.weights, samples, title, shown.network, world.robot)
+    plastic, *_ = shown.config.controllers or [GA_ALONE]
+    title = f"{plastic.name} in {shown.title}"
+    return charts.weights(shown.weights, traces.lifetimes_of(plastic.name), plastic.rule.w_max, title)
 
 
 def names(path: Path) -> list[str]:
@@ -61,7 +61,8 @@ def draw(path: Path, name: str, kind: str, width_mm: float | None, output: Path 
     if name in FIGURES and run.has(FIGURES[name]):
         drawn = _of_run(run, name)
     elif of_multirun(path):
-        drawn = sweep.figures(run)[name]
+        is_evolved = (of_multirun(path)[0] / "history.csv").is_file()
+        drawn = (evolutions.figures(path) if is_evolved else sweep.figures(run))[name]
     else:
         drawn = study_named(run.json("sweep.json")["name"]).stored(run).figures(run)[name]
     target = output or path / "figures" / f"{name}.{kind}"

@@ -1,117 +1,68 @@
-"""Figures of `epuckhebb flock`: heading to the goal by time, couplings before and after the break, and the sweep."""
+"""Figures of `epuckhebb flock`: heading to the goal by time, and couplings before and after the break."""
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import FancyArrowPatch
 from numpy.typing import NDArray
 
-from epuckhebb.analysis.figures import tidy
-from epuckhebb.analysis.image import as_by_default
-from epuckhebb.flock.tables import CONDITION, WHAT_BREAKS, title_of
-
-_COLOURS = {  # Okabe and Ito's; the control of a coupling is dashed
-    "frozen": "#000000", "transfer_entropy": "#D55E00", "live_fitness": "#0072B2",
-    "transfer_entropy_x_fitness": "#E69F00", "oracle": "#009E73",
-}  # fmt: skip
-_OWN = "#CC79A7"  # a coupling of the user's
-_STRONG = 0.15  # share of what a robot listens to, from which on a coupling is drawn
+from epuckhebb.analysis.charts import INK, KIND, SOFT
+from epuckhebb.analysis.image import in_house_style
+from epuckhebb.flock.tables import WHAT_BREAKS, title_of
 
 
-def _look(coupling: str) -> dict[str, str]:
-    name, _, control = coupling.partition(" ")
-    return {"color": _COLOURS.get(name, _OWN), "linestyle": "--" if control else "-"}
-
-
-@as_by_default()
+@in_house_style()
 def curves(table: pd.DataFrame, at_s: float, runs: int) -> Figure:
-    """Mean cosine of heading to the goal by minute, a panel for each kind of break."""
-    figure = Figure(figsize=(11, 4.4), layout="constrained")
-    kinds = list(dict.fromkeys(table.breaks))
-    panels = figure.subplots(1, len(kinds), sharey=True, squeeze=False)[0]
-    for axes, breaks in zip(panels, kinds, strict=True):
-        for coupling, own in table[table.breaks == breaks].groupby("coupling", sort=False):
-            look = _look(str(coupling))
-            axes.plot(own.minute, own.cosine, label=title_of(str(coupling)), **look)
-            axes.fill_between(own.minute, own.cosine_low, own.cosine_high, color=look["color"], alpha=0.12, linewidth=0)
-        axes.axvline(at_s / 60, color="#777777", linestyle=":", linewidth=1)
-        axes.annotate("break", (at_s / 60, -0.28), (4, 0), textcoords="offset points", fontsize=9, color="#555555")
-        axes.set(title=f"{WHAT_BREAKS[breaks]}, n = {runs}", xlabel="minutes", ylim=(-0.35, 1.03))
-        tidy(axes)
-    panels[0].set_ylabel("cosine of heading to the goal\n(intact robots)")
-    figure.legend(
-        *panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=9, frameon=False
-    )
+    """Mean cosine of heading to the goal by minute: a row for each kind of break, a column for each coupling.
+
+    A dashed line is the control of the coupling; a grey one is the frozen coupling.
+    """
+    kinds = list(table.groupby("breaks", sort=False))
+    names = [name for name in table.coupling.unique() if name != "frozen" and " " not in name]
+    figure = Figure(figsize=(2.1 * len(names) + 1.0, 2.0 * len(kinds) + 0.8))
+    rows = figure.subplots(len(kinds), len(names), squeeze=False, sharex=True, sharey=True)
+    for panels, (breaks, here) in zip(rows, kinds, strict=True):
+        for axes, name in zip(panels, names, strict=True):
+            control = f"{name} (shuffled)"
+            for coupling, colour, line in (("frozen", SOFT, "-"), (control, KIND["post_hoc"], "--"), (name, INK, "-")):
+                own = here[here.coupling == coupling]
+                label = {"frozen": "frozen", name: "the coupling"}.get(coupling, "shuffled control")
+                axes.plot(own.minute, own.cosine, color=colour, linestyle=line, label=label)
+                axes.fill_between(own.minute, own.cosine_low, own.cosine_high, color=colour, alpha=0.15, linewidth=0)
+            axes.axvline(at_s / 60, color=INK, linestyle=":", linewidth=0.8)
+            axes.grid(axis="y")
+        panels[0].set_ylabel(WHAT_BREAKS[breaks].replace(" that", "\nthat").replace(" breaks", "\nbreaks"))
+    for name, top, bottom in zip(names, rows[0], rows[-1], strict=True):
+        top.set_title(title_of(name))
+        bottom.set_xlabel("minutes")
+    rows[0][0].set_ylim(-0.35, 1.05)
+    figure.suptitle(f"Heading to the goal of the intact robots (cosine; aim: 1), n = {runs} flocks; dotted: the break")
+    figure.legend(*rows[0][0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return figure
 
 
-@as_by_default()
-def couplings(
-    shown: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]], broken: int, knowers: int
-) -> Figure:
-    """Who listens to whom just before the break and at the end. shown: the two couplings of each row."""
-    figure = Figure(figsize=(3.1 * len(shown), 6.4), layout="constrained")
-    panels = figure.subplots(2, len(shown), squeeze=False)
-    for column, (coupling, both) in enumerate(shown.items()):
-        for axes, weights, when in zip(panels[:, column], both, ("before the break", "at the end"), strict=True):
-            _network(axes, weights, broken, knowers)
-            axes.set_title(f"{title_of(coupling)}\n{when}", fontsize=10)
-    figure.supxlabel(
-        "arrow: to a listener, from a robot with more than 15 % of its attention · disc: larger if others listen more "
-        "· blue: knows the way · orange: breaks",
-        fontsize=8,
-    )
-    return figure
+@in_house_style()
+def couplings(shown: Mapping[str, NDArray[np.float64]], broken: int, knowers: int, runs: int) -> Figure:
+    """Who listens to whom just before the break and at the end, as shares of attention: a column for each coupling.
 
-
-def _network(axes: Axes, weights: NDArray[np.float64], broken: int, knowers: int) -> None:
-    count = len(weights)
-    angle = np.pi / 2 - 2 * np.pi * np.arange(count) / count
-    places = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    shares = weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-9)
-    for listener, speaker in np.argwhere(shares > _STRONG):
-        look: dict[str, Any] = {"arrowstyle": "-|>", "connectionstyle": "arc3,rad=0.15", "color": "#555555"}
-        look |= {"alpha": 0.75, "linewidth": 0.6 + 3 * shares[listener, speaker], "mutation_scale": 8}
-        axes.add_patch(FancyArrowPatch(tuple(places[speaker]), tuple(places[listener]), shrinkA=8, shrinkB=9, **look))
-    attention = weights.sum(axis=0) / (count - 1)
-    colours = ["#D55E00" if k == broken else "#56B4E9" if k < knowers else "#dddddd" for k in range(count)]
-    axes.scatter(
-        places[:, 0], places[:, 1], s=60 + 130 * attention, c=colours, edgecolors="black", linewidths=0.8, zorder=3
-    )
-    for number, (x, y) in enumerate(places):
-        axes.annotate(str(number), (1.27 * x, 1.27 * y), ha="center", va="center", fontsize=8)
-    axes.set(xlim=(-1.5, 1.5), ylim=(-1.5, 1.5), aspect="equal")
-    axes.axis("off")
-
-
-@as_by_default()
-def sweep(table: pd.DataFrame) -> Figure:
-    """The cosine long after the break in every condition, a panel for each kind of break."""
-    kinds = list(dict.fromkeys(table.breaks))
-    figure = Figure(figsize=(11, 1.2 + 3.2 * len(kinds)), layout="constrained")
-    for axes, breaks in zip(figure.subplots(len(kinds), 1, sharex=True, squeeze=False)[:, 0], kinds, strict=True):
-        own = table[table.breaks == breaks]
-        names = list(dict.fromkeys(own.coupling))
-        conditions = own[list(CONDITION[:3])].drop_duplicates().sort_values(list(CONDITION[:3])).reset_index(drop=True)
-        for place, coupling in enumerate(names):
-            rows = conditions.merge(own[own.coupling == coupling])
-            away = [rows.long_after - rows.long_after_low, rows.long_after_high - rows.long_after]
-            x = np.arange(len(rows)) + 0.1 * (place - (len(names) - 1) / 2)
-            look = _look(coupling)
-            face = "white" if look["linestyle"] == "--" else look["color"]
-            axes.errorbar(
-                x, rows.long_after, away, fmt="o", color=look["color"], markerfacecolor=face, markersize=4, capsize=1.5,
-                linewidth=1, label=title_of(coupling),
-            )  # fmt: skip
-        labels = [f"{row.loudness:g}\n{row.knowers}\n{row.range_m:g}" for row in conditions.itertuples()]
-        axes.set_xticks(range(len(conditions)), labels)
-        axes.set(title=WHAT_BREAKS[breaks], ylabel="long after the break", ylim=(-0.7, 1.05))
-        tidy(axes, "y")
-        last = axes
-    last.set_xlabel("loudness of the broken robot / robots that know the way / range (m)")
-    figure.legend(*last.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=9, frameon=False)
+    shown: the mean over flocks of both, (2, listeners, speakers).
+    """
+    figure = Figure(figsize=(2.2 * len(shown) + 0.9, 5.0))
+    rows = figure.subplots(2, len(shown), squeeze=False)
+    most = max(float(both.max()) for both in shown.values())
+    robots = range(len(next(iter(shown.values()))[0]))
+    names = ["×" if robot == broken else "knows" if robot < knowers else str(robot) for robot in robots]
+    for panels, (coupling, both) in zip(rows.T, shown.items(), strict=True):
+        for axes, shares, when in zip(panels, both, ("before the break", "at the end"), strict=True):
+            drawn = axes.imshow(shares, cmap="Greys", vmin=0, vmax=most)
+            axes.spines[:].set_visible(False)
+            axes.set_xticks(robots, names, rotation=90, fontsize=7)
+            axes.set_yticks(robots, names if axes in rows[:, 0] else [], fontsize=7)
+            if axes in rows[:, 0]:
+                axes.set_ylabel(f"{when}\nlistener")
+        panels[0].set_title(title_of(coupling))
+        panels[1].set_xlabel("speaker")
+    figure.colorbar(drawn, ax=rows, label="share of the listener's attention", shrink=0.6, aspect=30)
+    figure.suptitle(f"Mean of n = {runs} flocks; ×: the robot that breaks; knows: is given the goal")
     return figure

@@ -40,8 +40,8 @@ def metrics_of(flock: Flock, record: Record) -> dict[str, float]:
     cosines, headings = heading_cosine(flock, record), record.path[late, :, 2]
     places = record.path[late, :, :2]
     weights = record.weights[round((flock.at_s + flock.duration_s) / 2 / CHANGE_S) :]
-    shares = weights / np.maximum(weights.sum(axis=2, keepdims=True), 1e-9)
-    entropy = -(shares * np.log(np.where(shares > 0, shares, 1.0))).sum(axis=2)
+    attention = shares(weights)
+    entropy = -(attention * np.log(np.where(attention > 0, attention, 1.0))).sum(axis=2)
     to_broken = weights[:, :, flock.broken].sum(axis=1) / (flock.robots - 1)
     return {
         "before": cosines[breaks // 2 : breaks].mean(),
@@ -53,6 +53,12 @@ def metrics_of(flock: Flock, record: Record) -> dict[str, float]:
         "spread_m": np.hypot(*(places - places.mean(axis=1, keepdims=True)).transpose(2, 0, 1)).mean(),
         "least_gap_m": record.least_gap,
     }
+
+
+def shares(weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Couplings as shares of the attention of each listener, (..., listeners, speakers)."""
+    attention: NDArray[np.float64] = weights / np.maximum(weights.sum(axis=-1, keepdims=True), 1e-9)
+    return attention
 
 
 def heading_cosine(flock: Flock, record: Record) -> NDArray[np.float64]:

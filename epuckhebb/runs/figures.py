@@ -3,7 +3,7 @@
 import pandas as pd
 from matplotlib.figure import Figure
 
-from epuckhebb.analysis import charts, environments
+from epuckhebb.analysis import charts
 from epuckhebb.config import EvaluateConfig, EvaluateEnvironment, EvolveConfig, EvolveEnvironment
 
 
@@ -17,7 +17,7 @@ def lifetime(config: EvaluateEnvironment, genome: str, course: pd.DataFrame) -> 
     """The reward over a lifetime in an environment."""
     changes = [int(change["at"]) for change in config.environment.changes]
     title = f"{config.world.name} · {config.change_text or 'nothing changes'} · genome {genome} · seed {config.seed}"
-    return environments.lifetime(course, title, changes)
+    return charts.lifetime(course, title, changes)
 
 
 def learning(config: EvolveConfig | EvolveEnvironment, optimizer: str, history: pd.DataFrame) -> Figure:

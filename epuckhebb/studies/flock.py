@@ -11,6 +11,7 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
+import numpy as np
 import pandas as pd
 
 from epuckhebb.analysis.tables import Table
@@ -159,23 +160,28 @@ class FlockStudy(Study):
         return {"runs": every, "curves": curves, "flock": tables.table(every, self.seed)}
 
     def figures(self, run: Run) -> dict[str, "Figure"]:
-        """See `Study`; the first flock runs again."""
+        """See `Study`; the flocks of the usual condition run again, with the last kind of break."""
         from epuckhebb.flock import figure  # matplotlib takes a while to load
 
-        first, records = self.first_flock()
-        at = int(first.at_s / CHANGE_S)
-        networks = {name: (record.weights[at], record.weights[-1]) for name, record in records.items()}
-        figures = {
-            "flock": figure.curves(run.table("curves.csv"), first.at_s, self.repeats),
-            "couplings": figure.couplings(networks, first.broken, first.knowers),
+        first, at = self.conditions[0].flocks[-1], int(self.flock.at_s / CHANGE_S)
+        means = {
+            row.name: np.mean([tables.shares(record.weights[[at, -1]]) for record in self.records(row)], axis=0)
+            for row in self.shown_rows
         }
-        return figures | ({"sweep": figure.sweep(run.table("flock.csv"))} if len(self.conditions) > 1 else {})
+        return {
+            "flock": figure.curves(run.table("curves.csv"), first.at_s, self.repeats),
+            "couplings": figure.couplings(means, first.broken, first.knowers, self.repeats),
+        }
 
-    def first_flock(self) -> tuple[Flock, dict[str, Record]]:
-        """The first flock of the usual condition, with the last kind of break, run with each coupling but controls."""
-        first, rows = self.conditions[0].flocks[-1], [row for row in self.rows if not row.name.endswith(_NOT_SHOWN)]
-        records = _run_all([(row, first, self.seed) for row in rows], thread_count(self.threads))
-        return first, {row.name: record for row, record in zip(rows, records, strict=True)}
+    @property
+    def shown_rows(self) -> list[Row]:
+        """The rows of the figure of couplings, and of a replay: all but controls."""
+        return [row for row in self.rows if not row.name.endswith(_NOT_SHOWN)]
+
+    def records(self, row: Row, repeats: int | None = None) -> list[Record]:
+        """Run flocks of the usual condition with the last kind of break. repeats: None for all."""
+        flock, seeds = self.conditions[0].flocks[-1], range(self.seed, self.seed + (repeats or self.repeats))
+        return _run_all([(row, flock, seed) for seed in seeds], thread_count(self.threads))
 
     def page(self, run: Run, captions: Mapping[str, str]) -> str:
         """See `Study`."""
@@ -205,7 +211,8 @@ def plan(arguments: list[str], *, quick: bool = False, config_dir: str | None = 
 def replay_page(path: Path) -> str:
     """The page that replays a finished study: its first flock runs again."""
     study, done = FlockStudy.stored(Run(path)), Run(path).table("runs.csv")
-    flock, records = study.first_flock()
+    flock = study.conditions[0].flocks[-1]
+    records = {row.name: study.records(row, 1)[0] for row in study.shown_rows}
     for name, record in records.items():
         row = done[(done.coupling == name) & (done.breaks == flock.breaks) & (done.seed == study.seed)].iloc[0]
         if tables.metrics_of(flock, record)["long_after"] != row.long_after:

@@ -180,11 +180,15 @@ class Leaderboard(ChampionStudy):
 
         limits = {REVERSAL: Reversal().limits()}
         tables = run.table("leaderboard.csv"), run.table("champions.csv")
-        drawn = {"leaderboard": charts.leaderboard_of(*tables, limits), "profiles": charts.profiles(*tables)}
+        drawn = {
+            f"leaderboard_{one}": charts.success(own, champions, limits.get(str(one), {}))
+            for (one, own), (_, champions) in zip(*(table.groupby("experiment") for table in tables), strict=True)
+        }
+        drawn["profiles"] = charts.profiles(*tables)
         if run.has("anytime.csv"):
             drawn["anytime"] = charts.anytime(tables[0], run.table("anytime.csv"))
         for name, figure in drawn.items():
-            figure.set_label(board.CAPTIONS[f"{name}.png"])
+            figure.set_label(board.CAPTIONS[name.partition("_")[0]])
         return drawn
 
     def page(self, run: Run, captions: Mapping[str, str]) -> str:

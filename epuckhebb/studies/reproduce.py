@@ -153,9 +153,9 @@ class Reproduction(ChampionStudy):
             there = load(EvaluateConfig, [f"scenario={scenario}"])
             return replace(there.world, physics=part_from("physics", self.physics, "physics")), there.lifetime
 
-        doses = run.table("dose_response.csv"), run.table("rescue_and_harm.csv")
         signals = {one: self.signal.of(one) for one in shown}
-        return reproduction.figures_of(doses, shown, signals, world, histories, self.seed)
+        tables = {name: run.table(f"{name}.csv") for name in ("doses", "rescue_over_all") if run.has(f"{name}.csv")}
+        return reproduction.figures_of(tables, shown, signals, world, histories, self.seed)
 
     def page(self, run: Run, captions: Mapping[str, str]) -> str:
         """See `Study`."""

@@ -180,9 +180,9 @@ def figures(run: Run) -> dict[str, "Figure"]:
     from epuckhebb.analysis import charts  # matplotlib takes a while to load
 
     drawn = {
-        "dose_response": ("doses.csv", charts.rates),
-        "rescue_and_harm": ("rescue_over_all.csv", charts.rescue_over_all),
-        "returns": ("effects.csv", lambda _: environments.returns(run.table("summary.csv"))),
+        "dose_response": ("doses.csv", charts.dose_response),
+        "rescue_and_harm": ("rescue_over_all.csv", charts.rescue_and_harm),
+        "returns": ("effects.csv", lambda _: charts.returns(run.table("summary.csv"))),
     }
     return {name: draw(run.table(file)) for name, (file, draw) in drawn.items() if run.has(file)}
 
