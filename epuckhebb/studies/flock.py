@@ -223,7 +223,8 @@ def replay_page(path: Path) -> str:
 def first_page() -> str:
     """The page of the study's first flock, which runs for it."""
     study = load(FlockStudy, [], None)
-    return replay.page(*study.first_flock(), f"flock: seed {study.seed}")
+    records = {row.name: study.records(row, 1)[0] for row in study.shown_rows}
+    return replay.page(study.conditions[0].flocks[-1], records, f"flock: seed {study.seed}")
 
 
 def _rows(keys: FlockKeys) -> list[Row]:
