@@ -40,6 +40,7 @@ __all__ = [
     "Study",
     "Task",
     "Wiring",
+    "compare",
     "evaluate",
     "evolve",
     "load",
@@ -51,7 +52,7 @@ __all__ = [
 if TYPE_CHECKING:
     from epuckhebb.adaptation.adaptation import Adaptation
     from epuckhebb.adaptation.change_signal import ChangeSignal
-    from epuckhebb.api import evaluate, evolve, load, play, sweep
+    from epuckhebb.api import compare, evaluate, evolve, load, play, sweep
     from epuckhebb.api.results import Evaluation, Evolution, Live
     from epuckhebb.controller.controller import Controller
     from epuckhebb.controller.evolved import Evolved

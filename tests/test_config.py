@@ -69,8 +69,8 @@ def test_one_evaluation_opens_a_file_of_settings_at_most_twice():
 
 
 def test_the_champions_between_two_are_named():
-    given = ["genome=reference_1,...,reference_4,mine.npz", "seed=1"]
-    named = ["genome=reference_1,reference_2,reference_3,reference_4,mine.npz", "seed=1"]
+    given = ["genome=reference_1,...,reference_4,mine.npz", "seed=1,...,3"]
+    named = ["genome=reference_1,reference_2,reference_3,reference_4,mine.npz", "seed=1,2,3"]
     assert with_genomes_named(given) == named
 
 

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import re
 import sys
 from contextlib import chdir
 from pathlib import Path
@@ -24,6 +25,7 @@ from epuckhebb.runtime import ConfigError
 from epuckhebb.worlds.changes import CHANGES, Faults, apply
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "any_world" / "thermostat.py"
+CLIMBER = f"{EXAMPLE.parents[1] / 'own_optimizer' / 'hill_climber.py'}:HillClimber"
 SMALL = ["optimizer.generations=2", "optimizer.population=4", "optimizer.starts=4", "optimizer.confirm=1"]
 CARTPOLE = ["environment=cartpole", "environment.hidden=[4]", "environment.horizon=60", *SMALL]
 MIDDLE = "environment.changes=[{at: 60, length: 2.0, action_delay: 1}]"
@@ -76,9 +78,10 @@ def test_a_rerun_is_bit_identical(run):
     assert "bit-identical" in done("rerun", run).stdout
 
 
-def test_a_resumed_evolution_is_bit_identical(tmp_path, monkeypatch):
+@pytest.mark.parametrize("own", [[], [f"optimizer.algorithm={CLIMBER}"]], ids=["sep_cma_es", "own"])
+def test_a_resumed_evolution_is_bit_identical(own, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    words = [word for word in CARTPOLE if "generations" not in word]
+    words = [word for word in CARTPOLE if not re.search("generations|starts" if own else "generations", word)] + own
     done("evolve", *words, "optimizer.generations=3", "hydra.run.dir=evolved")
     check_resumed(words, ("optimizer.generations=2", "optimizer.generations=3"))
 

@@ -59,7 +59,8 @@ BRIEF_GA = ["ga.population=4", "ga.elites=1", "ga.generations=1", "ga.loops=1"]
 def brief(command, words, seconds=64):
     """What makes a command of a page take little time."""
     of_task = BRIEF_TASK if "task=reversal" in words else []
-    whole = [word for word in BRIEF[command] if not (of_task and word.startswith("lifetime.duration_s"))] + of_task
+    own_time = of_task or any(word.startswith("environment=") for word in words)
+    whole = [word for word in BRIEF[command] if not (own_time and word.startswith("lifetime.duration_s"))] + of_task
     if command != "evolve":
         return [word.replace("SECONDS", str(seconds)) for word in whole]
     other = any(word.startswith(("optimizer=", "optimizer.algorithm=")) for word in words)
@@ -310,7 +311,7 @@ def test_the_python_of_the_parts_page_runs(checkout, monkeypatch):
         ("own_sensor/my_sensors", ("docs/parts.md",)),
         ("own_signal/my_signals", ("docs/parts.md",)),
         ("own_task/my_task", ("docs/parts.md",)),
-        ("own_optimizer/my_optimizer", ("docs/parts.md",)),
+        ("own_optimizer/hill_climber", ("docs/parts.md",)),
         ("own_controller/my_neurons", ("docs/parts.md",)),
     ],
 )

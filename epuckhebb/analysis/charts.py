@@ -38,6 +38,9 @@ _DOSES = {
     "weight_change_mean": "weight change, mean of Σ|W − W_gene|",
     "saturated_fraction": "share of weights at the bound",
 }
+_CURVES = {"best_fitness": (INK, "-"), "mean_fitness": (SOFT, "--")}  # of an evolution
+_CURVES |= {"best_fitness_again": (KIND["post_hoc"], "-"), "best_fitness_rule_off": (KIND["post_hoc"], ":")}
+_PANELS = 4  # side by side
 _NAMED = 8  # rates for whose names an axis has room
 
 
@@ -147,12 +150,22 @@ def _name_points(axes: Axes, x: NDArray[np.float64], y: NDArray[np.float64], nam
 
 @in_house_style()
 def learning_curves(histories: Mapping[str, Sequence[pd.DataFrame]]) -> Figure:
-    """Best and mean fitness over the generations; for many evolutions, median and quartiles."""
-    figure = Figure(figsize=(4.2 * len(histories), 3.3))
-    panels = figure.subplots(1, len(histories), squeeze=False)[0]
-    for axes, (experiment, runs) in zip(panels, sorted(histories.items(), reverse=True), strict=True):
-        for column, colour, line in (("best_fitness", INK, "-"), ("mean_fitness", SOFT, "--")):
-            low, middle, high = np.percentile([run[column] for run in runs], [25, 50, 75], axis=0)
+    """Best and mean fitness over the generations, and those without plasticity where they were measured.
+
+    For many evolutions these are median and quartiles.
+    """
+    columns = min(len(histories), _PANELS)
+    rows = -(-len(histories) // columns)
+    figure = Figure(figsize=(4.2 * columns, 3.3 * rows))
+    panels = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes in panels[len(histories) :]:
+        axes.remove()
+    for axes, (experiment, runs) in zip(panels, histories.items(), strict=False):
+        for column, (colour, line) in _CURVES.items():
+            if column not in runs[0]:
+                continue
+            values = [run[column][: min(map(len, runs))] for run in runs]
+            low, middle, high = np.percentile(values, [25, 50, 75], axis=0)
             generation = np.arange(1, len(middle) + 1)
             axes.plot(generation, middle, color=colour, linestyle=line, label=column.replace("_", " "))
             axes.fill_between(generation, low, high, color=colour, alpha=0.2, linewidth=0)

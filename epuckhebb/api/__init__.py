@@ -14,6 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from epuckhebb.adaptation.adaptation import Adaptation
+from epuckhebb.analysis.evolutions import summary
 from epuckhebb.analysis.lifetimes import Evaluated, gather
 from epuckhebb.api.results import Evaluation, Evolution, Live
 from epuckhebb.config import (
@@ -130,6 +131,20 @@ def evolve(*overrides: str, config_dir: str | Path | None = None, progress: bool
     prepared.compile()
     generations = list(prepared.generations(thread_count(config.threads)))
     return Evolution(generations[-1].champion, pd.DataFrame(map(history_row, generations)))
+
+
+def compare(evolutions: Mapping[Any, Sequence[Evolution]], fitness: float | None = None) -> pd.DataFrame:
+    """A table over many evolutions, as `summary.csv` of `epuckhebb evolve -m`.
+
+    Args:
+        evolutions: For each way to evolve, by its name, the evolutions with different seeds.
+        fitness: The robot-hours are those until the best fitness reaches this; without it, until all lifetimes of the
+            fittest end at the goal.
+
+    Returns:
+        A row a way, with 95 % bootstrap intervals over seeds if there are six or more.
+    """
+    return summary([({"evolution": way}, [one.history for one in own]) for way, own in evolutions.items()], fitness)
 
 
 def play(

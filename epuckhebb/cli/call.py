@@ -31,6 +31,10 @@ def run_command(
         from epuckhebb.studies.sweep import write_summary_of_multirun
 
         write_summary_of_multirun(runs[0].parent, runs)
+    if multirun and command == "evolve" and runs:
+        from epuckhebb.studies.evolutions import write_summary_of_evolutions
+
+        write_summary_of_evolutions(runs[0].parent, runs)
     if not options.cfg:
         print_runs(command, runs, options)
 
@@ -68,6 +72,7 @@ def run_study(planned: "Planned", output: Output, *, dry_run: bool = False) -> N
         return
     outcome = conduct(planned)
     facts = {"command": planned.study.command, "folder": str(folder), **outcome.as_json()}
-    output.print(lambda: show.as_json(folder) | facts, lambda console: results.print_results(folder, console))
+    kind = type(planned.study)
+    output.print(lambda: show.as_json(folder) | facts, lambda console: results.print_results(folder, console, kind))
     if outcome.failures:
         raise JobFailedError(planned.failure(outcome))

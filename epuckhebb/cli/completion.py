@@ -23,7 +23,10 @@ def complete_override(command: str, incomplete: str) -> list[str]:
     groups = {"methods" if group == "method" else group: choices for group, choices in conf.groups(command).items()}
     if command in _OF_GENOMES:
         files = sorted((data_folder("runs/reference") / "champions").glob("light_*.npz"))
-        groups["genome"] = [REFERENCE, *(re.sub("light_(.*)seed0*", rf"{REFERENCE}_\1", file.stem) for file in files)]
+        groups["genome"] = groups["start"] = [
+            REFERENCE,
+            *(re.sub("light_(.*)seed0*", rf"{REFERENCE}_\1", file.stem) for file in files),
+        ]
     word, is_split = _override(incomplete)
     key, has_value, _ = word.partition("=")
     if has_value and key not in groups:

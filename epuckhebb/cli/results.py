@@ -84,14 +84,17 @@ def print_jobs(found: dict[str, Any], console: Console) -> None:
     print_line(console, f"{done} done, {len(listed) - done} to do; nothing was run.")
 
 
-def print_results(path: Path, console: Console) -> None:
-    """Print the results of a run or of a study; nothing of a study that has not written its tables yet."""
+def print_results(path: Path, console: Console, study: "type[Study] | None" = None) -> None:
+    """Print the results of a run or of a study; nothing of a study that has not written its tables yet.
+
+    study: the class of a study that has just run; the file of a user's is not loaded to show a folder.
+    """
     run = Run(path)
     if run.has("sweep.json"):
         from epuckhebb.studies.study import Study, study_named  # studies take a while to load
 
         reference = run.json("sweep.json")["name"]
-        study = Study if ":" in reference else study_named(reference)  # the file of a user's is not loaded
+        study = study or (Study if ":" in reference else study_named(reference))
         if run.has(study.result):
             print_study(study, path, console)
     elif run.provenance["command"] == "sweep":  # a job of a user's study, whose tables may have any columns

@@ -32,9 +32,11 @@ def _print_multirun(finished: list[Path], console: Console) -> None:
     """Print the tables over all runs of a multirun, or a line for each run, and where they are."""
     folder = finished[0].parent
     if Run(folder).has("summary.csv"):
+        from epuckhebb.studies.evolutions import Evolutions
         from epuckhebb.studies.sweep import Sweep  # studies take a while to load
 
-        results.print_study(Sweep, folder, console)
+        is_evolved = Run(finished[0]).provenance["command"] == "evolve"
+        results.print_study(Evolutions if is_evolved else Sweep, folder, console)
     else:
         for path in finished:
             print_line(console, f"{path.name}  {' '.join(Run(path).provenance['overrides'])}  {_in_short(path)}")
@@ -166,7 +168,8 @@ def print_champion(genome: Genome, console: Console) -> None:
         fitness = f", for fitness {genome.fitness_function}" if genome.fitness_function else ""
         where = f"in training worlds {genome.training}, in physics {genome.physics or PYMUNK.name}"
         where = f"in environment {genome.environment}" if genome.environment else where
-        line = f"Evolved by {genome.optimizer}, {where}{rule}{task}{fitness}"
+        start = f" from {genome.start}" if genome.start else ""
+        line = f"Evolved by {genome.optimizer}{start}, {where}{rule}{task}{fitness}"
         print_line(console, line)
     nominal = genome.nominal
     if nominal is None:

@@ -235,6 +235,9 @@ def complete(cfg: DictConfig, choices: Mapping[str, str], overrides: Sequence[st
     if not before or "hebbian" in words:
         _fit_rule(cfg, choices["hebbian"], is_typed)
     if "optimizer" in cfg:
+        if ":" in str(cfg.optimizer.algorithm):  # one of one's own has no settings of the default one
+            typed = [key for key in cfg.optimizer if is_typed(f"optimizer.{key}")]
+            cfg.ga, cfg.optimizer = None, {key: cfg.optimizer[key] for key in typed}
         group = "optimizer" if cfg.ga is None else "ga"
         for key in ("population", "generations", "loops"):
             if not is_typed(f"{group}.{key}"):

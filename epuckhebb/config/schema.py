@@ -17,9 +17,11 @@ from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.config import build
 from epuckhebb.config.errors import explain
 from epuckhebb.config.parts import Layers, part_from
+from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule
 from epuckhebb.controller.ranges import check, within
 from epuckhebb.controller.wiring import LAYERS, Wiring
 from epuckhebb.evolution.evolve import evolved_plan
+from epuckhebb.evolution.optimizer import Algorithm
 from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.evolution.training import Training
 from epuckhebb.runtime import ConfigError
@@ -171,12 +173,14 @@ class EvolveConfig(WorldConfig):
     """All keys of `epuckhebb evolve`.
 
     genome: whose weights all individuals are given, so that only the rule is evolved; None for weights that evolve.
+    start: the champion at whose genes evolution begins; None for random ones.
     controller: what drives the robots besides their genes. algorithm: the optimizer, of `optimizer` and `ga`. schedule:
     how long it goes on. plan: what is evolved.
     """
 
     command: ClassVar[str] = "evolve"
     genome: str | None = None
+    start: str | None = None
     ga: GA | None = field(default_factory=GA)  # None if the optimizer is another
     optimizer: dict[str, Any] = field(default_factory=lambda: {"algorithm": GA.key})
     training: Training = field(default_factory=Training)
@@ -193,6 +197,15 @@ class EvolveConfig(WorldConfig):
         self.algorithm = build.optimizer_from(self.optimizer, self.ga)
         self.schedule = self.algorithm.schedule(self.training, self.lifetime)
         self.training.check(self.world, self.lifetime, self.schedule.loops)
+        rule, inherits = self.controller.rule, type(self.algorithm).inherit is not Algorithm.inherit
+        evolves = rule.initial_weights is InitialWeights.evolved and self.genome is None
+        for name, fits in (("lamarckian", evolves and inherits), ("rule_off", evolves)):
+            if getattr(self.training, name) and (isinstance(rule, NoRule) or not fits):
+                raise ValueError(
+                    f"training.{name}=true needs a plasticity rule whose initial weights evolve, as hebbian=baldwin, "
+                    f"no genome, and for lamarckian optimizer=ga; got hebbian.rule={self.hebbian.get('rule')}, "
+                    f"genome={self.genome}, optimizer={self.algorithm.name}"
+                )
         network = build.network_for(self.world, self.shape)
         self.plan = evolved_plan(network, self.controller.rule, given=self.genome is not None)
         self.algorithm.check(self.plan)

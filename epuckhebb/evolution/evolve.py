@@ -6,7 +6,7 @@ never stopped.
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
@@ -21,7 +21,7 @@ from epuckhebb.controller.plasticity.control import signs
 from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, Rule
 from epuckhebb.controller.random import Stream
 from epuckhebb.evolution.optimizer import CANDIDATES, CONFIRM, Algorithm
-from epuckhebb.evolution.search import Results, Search
+from epuckhebb.evolution.search import LEARNT, Results, Search
 from epuckhebb.evolution.training import UNVARIED, Training, World
 from epuckhebb.tmaze.batch import run_lifetimes
 from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _START_SPREAD = np.array([0.005, 0.010, 0.1])  # m, m, rad at a start noise of 1
+_NEVER = 1_000_000  # generations; more than any evolution has
 _TRIALS = tuple(reversed(SIDES))  # lamp on (right) first, as in the published program
 
 
@@ -42,8 +43,9 @@ class Generation:
 
     number: from 0. fitness: (individuals,). success: (individuals,) share of each one's lifetimes that ended at the
     goal. champion: (genes,) the fittest; after the last generation, the best of the optimizer's candidates.
-    champion_fitness: by which it was chosen. log: all results so far, for the optimizer. tables: what
-    it has to show, by name. robot_steps, seconds: cost.
+    champion_fitness: by which it was chosen. again: fitness of the fittest in fresh lifetimes, with plasticity and
+    without; None if it was not measured. log: all results so far, for the optimizer. tables: what it has to show, by
+    name. robot_steps, seconds: cost.
     """
 
     number: int
@@ -55,6 +57,7 @@ class Generation:
     tables: dict[str, "pd.DataFrame"]
     robot_steps: int
     seconds: float
+    again: tuple[float, float] | None = None
 
 
 class Evaluator(Protocol):
@@ -69,6 +72,9 @@ class Evaluator(Protocol):
     ) -> tuple[Floats, Floats, dict[str, Floats], int]:
         """Mean fitness and success of each individual, measures by name, and the steps that were run."""
 
+    def again(self, genes: Floats, generation: int) -> tuple[float, float] | None:
+        """Fitness of an individual in fresh lifetimes, with plasticity and without; None if not asked for."""
+
 
 def evolve(
     optimizer: Algorithm,
@@ -82,13 +88,17 @@ def evolve(
     network: Network = PAPER_NETWORK,
     controller: Controller = GA_ALONE,
     given: Floats | None = None,
+    start: Floats | None = None,
+    origin: Scenario | None = None,
 ) -> Iterator[Generation]:
     """Evolve controllers in a scenario; yields one record a generation.
 
     after: the last record of an unfinished evolution with the same arguments, to resume. controller: with a plasticity
     rule, individuals learn during evolution, and evolved parameters of the rule are part of the genome. Then all
     individuals of a generation have the same starts and noise, and the champion is the best of three in fresh
-    lifetimes, with any optimizer. given: the genes of a champion's network, if only the rule is evolved.
+    lifetimes, with any optimizer. given: the genes of a champion's network, if only the rule is evolved. start: the
+    evolved genes with which evolution begins; None for random ones. origin: the training world of the experiment, if
+    `training` lets it come back.
 
     Raises:
         PartError: the optimizer failed, or asked for what is no genome.
@@ -97,9 +107,11 @@ def evolve(
     generations, loops = optimizer.schedule(training, lifetime)
     training.check(scenario, lifetime, loops)
     shared = optimizer.common_random_numbers or not isinstance(controller.rule, NoRule)
-    evaluator = _Evaluator(optimizer, loops, scenario, lifetime, training, seed, network, controller, threads, shared)
+    evaluator = _Evaluator(
+        optimizer, loops, scenario, lifetime, training, seed, network, controller, threads, shared, origin
+    )
     yield from search_generations(
-        optimizer, evaluator, generations, seed, after, network=network, rule=controller.rule, given=given
+        optimizer, evaluator, generations, seed, after, network=network, rule=controller.rule, given=given, start=start
     )
 
 
@@ -113,11 +125,12 @@ def search_generations(
     network: Network,
     rule: Rule,
     given: Floats | None = None,
+    start: Floats | None = None,
 ) -> Iterator[Generation]:
     """The same with lifetimes in any world. evaluator: runs them."""
     learns = not isinstance(rule, NoRule)
     plan = evolved_plan(network, rule, given=given is not None)
-    search = Search(optimizer, plan, seed, () if after is None else after.log)
+    search = Search(optimizer, plan, seed, () if after is None else after.log, start)
 
     def whole(genes: Floats) -> Floats:
         return with_given(genes, network, rule, given)
@@ -129,6 +142,7 @@ def search_generations(
         search.tell(fitness, measures)
         best = int(np.argmax(fitness))
         champion, champion_fitness = population[best], float(fitness[best])
+        again = evaluator.again(champion, number)
         candidates = whole(search.candidates())
         if learns and not optimizer.confirm:
             candidates = population[np.argsort(-fitness, kind="stable")[:CANDIDATES]]
@@ -149,6 +163,7 @@ def search_generations(
             tables=search.tables(),
             robot_steps=robot_steps,
             seconds=time.perf_counter() - began,
+            again=again,
         )
 
 
@@ -187,6 +202,7 @@ class _Evaluator(NamedTuple):
     controller: Controller
     threads: int
     shared: bool  # whether all individuals have the same starts and noise
+    origin: Scenario | None
 
     @property
     def lifetimes(self) -> int:
@@ -200,21 +216,41 @@ class _Evaluator(NamedTuple):
 
         measures: fields of an outcome. Their values have the shape (individuals, loops, sides).
         """
-        worlds = self.training.worlds(self.scenario, self.lifetime, self.loops, self.seed, generation)
+        worlds = self.training.worlds(self.scenario, self.lifetime, self.loops, self.seed, generation, self.origin)
         names = ("success", *measures)
         results = np.empty((1 + len(names), len(population), self.loops, len(_TRIALS)))
-        robot_steps = 0
+        robot_steps, learnt = 0, np.zeros((len(population), self.network.synapses))
         for world, together in groupby(range(self.loops), key=worlds.__getitem__):
             loops = list(together)
             individuals = list(self._individuals(population, generation, loops, world))
-            lifetimes = run_lifetimes(individuals, world.scenario, world.lifetime, self.threads)
+            length = world.lifetime
+            if self.training.lamarckian:
+                length = replace(length, record_every=max(1, length.steps - 1))  # the first step and the last
+            lifetimes = run_lifetimes(individuals, world.scenario, length, self.threads)
+            if self.training.lamarckian:
+                last = np.array([samples.weights[-1] for _, samples in lifetimes], np.float64)
+                learnt += last.reshape(len(population), -1, self.network.synapses).sum(axis=1)
             outcomes = [outcome for outcome, _ in lifetimes]
             bonus = self.training.success_bonus
             rows = [(one.fitness + bonus * one.success, *(getattr(one, name) for name in names)) for one in outcomes]
             results[:, :, loops] = np.array(rows).T.reshape(-1, len(population), len(loops), len(_TRIALS))
             robot_steps += sum(outcome.steps for outcome in outcomes)
         fitness, success = results[:2].reshape(2, len(population), -1).mean(axis=2)
-        return fitness, success, dict(zip(measures, results[2:], strict=True)), robot_steps
+        measured = dict(zip(measures, results[2:], strict=True))
+        if self.training.lamarckian:
+            measured[LEARNT] = learnt / (self.loops * len(_TRIALS))
+        return fitness, success, measured, robot_steps
+
+    def again(self, genes: Floats, generation: int) -> tuple[float, float] | None:
+        """See `Evaluator`: the lifetimes are fresh, since in those of its generation the fittest was lucky."""
+        if not self.training.rule_off:
+            return None
+        plan = plan_of(self.network, type(self.controller.rule))
+        own = self._replace(training=replace(self.training, lamarckian=False))
+        pairs = (own, genes), (own._replace(controller=GA_ALONE), plan.pick(genes, plan.of_network))
+        fresh = generation + 2 * (self.training.season or 1) * _NEVER  # is in the same season
+        with_rule, without = (float(one.evaluate(some[None], fresh)[0][0]) for one, some in pairs)
+        return with_rule, without
 
     def _individuals(self, population: Floats, generation: int, loops: list[int], world: World) -> Iterator[Individual]:
         """The individuals of these loops of a generation, which share one world: each genome, on either side."""
@@ -240,6 +276,7 @@ class _Evaluator(NamedTuple):
                         key=random.key(self.seed, Stream.training_noise, *place),
                         task_key=task_keys[loop],
                         start=start,
+                        record=self.training.lamarckian,
                     )
 
 
@@ -254,4 +291,4 @@ def history_row(generation: Generation) -> dict[str, Any]:
         "worst_fitness": generation.fitness.min(),
         **({} if np.isnan(generation.success).any() else successes),  # an environment knows no success
         "robot_steps": generation.robot_steps,
-    }
+    } | dict(zip(("best_fitness_again", "best_fitness_rule_off"), generation.again or (), strict=False))

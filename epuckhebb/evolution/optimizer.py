@@ -80,6 +80,14 @@ class Algorithm(OwnClass, ABC):
     def start(self, plan: GenomePlan, seed: int) -> None:
         """Begin a search for the genes of a plan."""
 
+    def begin_at(self, genes: Floats) -> None:  # noqa: ARG002  # others need it
+        """Begin at these genes, (genes,), instead of random ones; called after `start`."""
+        raise ValueError("it has no method `begin_at`, which start=GENOME needs")
+
+    def inherit(self, learnt: Floats) -> None:  # noqa: ARG002  # others need it
+        """Let the individuals of the last `ask` have these weights, (individuals, weights); called before `tell`."""
+        raise ValueError("its individuals cannot inherit what was learnt; leave out training.lamarckian")
+
     @abstractmethod
     def ask(self) -> Floats:
         """The genomes of the next generation, (individuals, genes)."""
@@ -154,6 +162,10 @@ class EvolutionStrategy(Optimizer):
         self._plan, self._seed, self._generations = plan, seed, 0
         self._unit = np.where(starts > 0, starts, 1.0)
         self._bound = self.limits(plan) / self._unit
+
+    def begin_at(self, genes: Floats) -> None:
+        """See `Algorithm`: these genes are the first mean, and there is no random generation."""
+        self._mean, self._generations = genes / self._unit, 1
 
     def ask(self) -> Floats:
         """First random genomes, then samples around the mean."""

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _FITNESS = "fitness"
+LEARNT = "learnt_weights"  # among the measures: what individuals then inherit, (individuals, weights)
 
 
 class Results(NamedTuple):
@@ -41,13 +42,25 @@ class Results(NamedTuple):
 class Search:
     """A search in progress. log: the results of each generation so far. measures: of an outcome, for the optimizer."""
 
-    def __init__(self, optimizer: Algorithm, plan: GenomePlan, seed: int, log: Sequence[Results] = ()) -> None:
-        """Start a copy of an optimizer for the genes of a plan, and give it the results that are logged."""
+    def __init__(
+        self,
+        optimizer: Algorithm,
+        plan: GenomePlan,
+        seed: int,
+        log: Sequence[Results] = (),
+        start: Floats | None = None,
+    ) -> None:
+        """Start a copy of an optimizer for the genes of a plan, and give it the results that are logged.
+
+        start: the genes at which it begins, (genes,); None for random ones.
+        """
         self.log: tuple[Results, ...] = ()
         self._settings, self._plan = optimizer, plan
         self._optimizer = replace(optimizer)  # type: ignore[type-var]  # all are dataclasses
         self.measures = [name for name in type(optimizer).arguments("tell") if name in OF_OUTCOME]
         self._do("start", plan, seed)
+        if start is not None:
+            self._do("begin_at", start)
         for number, results in enumerate(log):
             self.ask()
             if self._digest != results.digest:
@@ -66,6 +79,8 @@ class Search:
 
     def tell(self, fitness: Floats, measures: Mapping[str, Floats]) -> None:
         """Give the optimizer their results; measures by name."""
+        if LEARNT in measures:
+            self._do("inherit", measures[LEARNT])
         given = {_FITNESS: fitness, **measures}
         names = inspect.signature(self._optimizer.tell).parameters
         self._do("tell", **{name: given[name].copy() for name in names})  # which the optimizer may change
@@ -111,9 +126,9 @@ class Search:
             return getattr(self._optimizer, method)(*arguments, **named)
 
 
-def check_start(optimizer: Algorithm, plan: GenomePlan, seed: int) -> None:
+def check_start(optimizer: Algorithm, plan: GenomePlan, seed: int, start: Floats | None = None) -> None:
     """Check that an optimizer starts, and asks for the same genomes when it is started again."""
-    first, again = (Search(optimizer, plan, seed).ask() for _ in range(2))
+    first, again = (Search(optimizer, plan, seed, start=start).ask() for _ in range(2))
     if not np.array_equal(first, again):
         raise PartError(
             f"optimizer {optimizer.name} asks for other genomes with the same seed, so no run could be repeated; draw "

@@ -1,8 +1,9 @@
 """The worlds of training: the scenario itself, as in the paper, or worlds that are drawn anew in each generation.
 
 The wheel gain may vary from generation to generation, and a part of the lifetimes may run in varied worlds. These
-depend on the seed, the generation and the loop alone. The layouts and the dead sensor of the test scenarios are never
-drawn. Their light levels and weak wheels lie inside the drawn ranges, so these tests are interpolation.
+depend on the seed, the generation and the loop alone. The training world of the experiment may come back, in turn with
+the scenario, or in some loops of every generation (rehearsal). The layouts and the dead sensor of the test scenarios
+are never drawn. Their light levels and weak wheels lie inside the drawn ranges, so these tests are interpolation.
 """
 
 import math
@@ -37,7 +38,11 @@ class Training:
     `lifetime.gain_rad_s`. unvaried_loops: loops of a generation in the scenario itself; the others are varied.
     start_noise: how much starts vary in these. light_share, obstacles_share, dead_sensor_share, wheel_share: in which
     share of these the light is drawn from `light`, obstacles stand in a layout of `layouts`, one sensor is dead (any
-    but the first), one wheel turns at a share of its speed from `wheel`.
+    but the first), one wheel turns at a share of its speed from `wheel`. season: so many generations in the scenario
+    are followed by as many in the training world of its experiment, and so on; None for the scenario alone. rehearsal:
+    the last loops of a generation, in that training world. lamarckian: whether individuals inherit the weights with
+    which their lifetimes ended, as a mean. rule_off: whether the fittest runs fresh
+    lifetimes, with plasticity and without.
     """
 
     name: str = ""
@@ -52,6 +57,10 @@ class Training:
     dead_sensor_share: float = within(0, 1, default=0.0)
     wheel_share: float = within(0, 1, default=0.0)
     wheel: list[float] = within(0, 1, default=[0.8, 1.0])
+    season: int | None = within(1, default=None)
+    rehearsal: int = within(0, default=0)
+    lamarckian: bool = False
+    rule_off: bool = False
 
     def __post_init__(self) -> None:
         check(self, "training")
@@ -67,9 +76,14 @@ class Training:
         return max(self.start_noise, *shares) > 0
 
     @property
+    def returns(self) -> bool:
+        """Whether the training world of the experiment comes back."""
+        return self.season is not None or self.rehearsal > 0
+
+    @property
     def loops(self) -> int:
         """The least number of loops with each kind of world."""
-        return self.unvaried_loops + 1 if self.is_varied else 1
+        return (self.unvaried_loops + 1 if self.is_varied else 1) + self.rehearsal
 
     def stretch(self, lifetime: Lifetime) -> float:
         """The mean length of a training lifetime over that of `lifetime`."""
@@ -85,6 +99,10 @@ class Training:
             raise ValueError(
                 f"training.unvaried_loops must be less than the {loops} loops of a generation, got "
                 f"{self.unvaried_loops}"
+            )
+        if self.rehearsal >= loops:
+            raise ValueError(
+                f"training.rehearsal must be less than the {loops} loops of a generation, got {self.rehearsal}"
             )
         if self.obstacles_share > 0 and not (scenario.maze.niches and any(scenario.maze.obstacle_counts)):
             raise ValueError(
@@ -110,8 +128,18 @@ class Training:
                 f"got {scenario.changes[-1]['at_s']}"
             )
 
-    def worlds(self, scenario: Scenario, lifetime: Lifetime, loops: int, seed: int, generation: int) -> list[World]:
-        """The world of each loop of a generation."""
+    def worlds(
+        self,
+        scenario: Scenario,
+        lifetime: Lifetime,
+        loops: int,
+        seed: int,
+        generation: int,
+        origin: Scenario | None = None,
+    ) -> list[World]:
+        """The world of each loop of a generation. origin: the training world of the experiment, where it comes back."""
+        if origin is not None and self.season is not None and generation // self.season % 2:
+            scenario = origin
         if self.gain_rad_s is not None:
             drawn = random.rng(seed, Stream.training_world, generation).random()
             least, most = self.gain_rad_s
@@ -121,6 +149,8 @@ class Training:
         for loop in range(unvaried, loops):
             rng = random.rng(seed, Stream.training_world, generation, loop)
             worlds.append(World(self._varied(scenario, rng), lifetime, self.start_noise))
+        if origin is not None and self.rehearsal:
+            worlds[-self.rehearsal :] = [World(origin, lifetime, 0.0)] * self.rehearsal
         return worlds
 
     def _at_gain(self, lifetime: Lifetime, gain: float) -> Lifetime:

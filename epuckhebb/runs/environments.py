@@ -12,7 +12,7 @@ import time
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +35,7 @@ from epuckhebb.controller.plasticity.control import Sign, signs
 from epuckhebb.controller.plasticity.rule import NoRule
 from epuckhebb.controller.random import Stream
 from epuckhebb.evolution.evolve import Generation, search_generations
-from epuckhebb.evolution.search import Search, check_start
+from epuckhebb.evolution.search import Results, Search, check_start
 from epuckhebb.runs import hydra
 from epuckhebb.runs.evaluate import check_rules, prepare_evaluation
 from epuckhebb.runs.evolve import prepare_evolution, shown_in_bar
@@ -144,6 +144,9 @@ class _Evaluator:
         steps = sum(len(lived.rewards) for lives in found for lived in lives)
         return fitness, np.full(len(fitness), np.nan), {}, steps
 
+    def again(self, genes: Floats, generation: int) -> None:
+        """Not measured in an environment."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class PreparedEnvironmentEvolution:
@@ -153,6 +156,11 @@ class PreparedEnvironmentEvolution:
     network: Network
     plan: GenomePlan
     given: None = None
+    start_text: ClassVar[str] = ""
+
+    def search(self, log: Sequence[Results] = ()) -> Search:
+        """The search of the optimizer, after the generations that are logged."""
+        return Search(self.config.algorithm, self.config.plan, self.config.seed, log)
 
     def compile(self) -> None:
         """Load or compile what the lifetimes need."""

@@ -7,7 +7,7 @@ be killed between any two files: resumed, it ends bit-identical.
 import functools
 import io
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ from epuckhebb.config import (
     own_files,
     schema_of,
     settings,
+    training_world,
     values_of,
 )
 from epuckhebb.controller.genome import GenomePlan, plan_of
@@ -32,6 +33,7 @@ from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import PartError, name_of
 from epuckhebb.controller.plasticity.rule import NoRule
 from epuckhebb.evolution.evolve import Generation, evolve, with_given
+from epuckhebb.evolution.optimizer import limits
 from epuckhebb.evolution.search import Results, Search, check_start
 from epuckhebb.runs import hydra
 from epuckhebb.runs.evaluate import check_genome, compile_for
@@ -49,8 +51,10 @@ from epuckhebb.store import (
     digest,
     load_genome,
 )
+from epuckhebb.tmaze.individual import GA_ALONE
 from epuckhebb.tmaze.own_sensor import reading_names
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
+from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
 
 RESUME = "resume="  # before the folder of an evolution
@@ -69,17 +73,32 @@ class PreparedEvolution:
     """An evolution whose settings, memory and given weights are checked.
 
     plan: the parts of a champion's genes. given: the genes of the network that all individuals are given; None if these
-    evolve.
+    evolve. start: the champion with which evolution begins, and its evolved genes; None for random ones. origin: the
+    training world of the experiment, if training comes back to it.
     """
 
     config: EvolveConfig
     network: Network
     plan: GenomePlan
     given: NDArray[np.float64] | None
+    start: tuple[Genome, NDArray[np.float64]] | None
+    origin: Scenario | None
+
+    @property
+    def start_text(self) -> str:
+        """What the champion's file says of its start."""
+        return f"{self.start[0].name} (SHA-256 {self.start[0].sha256})" if self.start else ""
+
+    def search(self, log: Sequence[Results] = ()) -> Search:
+        """The search of the optimizer, after the generations that are logged."""
+        config = self.config
+        return Search(config.algorithm, config.plan, config.seed, log, self.start[1] if self.start else None)
 
     def compile(self) -> None:
         """Load or compile what the lifetimes need."""
-        compile_for([self.config.controller], self.network, self.config.world)
+        compile_for(
+            [self.config.controller, *[GA_ALONE] * self.config.training.rule_off], self.network, self.config.world
+        )
 
     def generations(
         self, threads: int, after: Generation | None = None, *, quiet: bool = False
@@ -97,15 +116,15 @@ class PreparedEvolution:
             network=self.network,
             controller=config.controller,
             given=self.given,
+            start=self.start[1] if self.start else None,
+            origin=self.origin,
         )
         yield from shown_in_bar(found, config.schedule.generations, after, quiet=quiet)
 
     def fittest(self, log: Sequence[Results], number: int) -> NDArray[np.float64]:
         """The fittest genome of a generation that has ended: the optimizer asks for it again, without a lifetime."""
-        config = self.config
-        asked = Search(config.algorithm, config.plan, config.seed, log[:number]).ask()
-        fittest = asked[[np.argmax(log[number].fitness)]]
-        fittest = with_given(fittest, self.network, config.controller.rule, self.given)
+        fittest = self.search(log[:number]).ask()[[np.argmax(log[number].fitness)]]
+        fittest = with_given(fittest, self.network, self.config.controller.rule, self.given)
         return np.ravel(fittest)
 
     def network_genes(self, champion: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -137,6 +156,7 @@ class PreparedEvolution:
             fitness_function=config.world.fitness.name if config.world.fitness.is_own else "",
             sensors=reading_names(config.world.robot.sensors),
             physics="" if config.world.physics.name == PYMUNK.name else config.world.physics.name,
+            start=self.start_text,
             nominal=nominal,
         )
         return champion_file(genome, last.champion_fitness, config.seed, last.number)
@@ -164,21 +184,57 @@ def prepare_evolution(config: Any, *, has_genome: bool = True) -> Any:
     check_library(world)
     network = network_for(world, config.shape)
     plan = plan_of(network, type(config.controller.rule))
-    given = None
-    if has_genome and config.genome is not None:
-        genome = load_genome(config.genome, world.experiment, config.shape)
-        check_genome(genome, world, config.shape)
-        if genome.network != network:
+    given = _named("genome", config, network).network_genes if has_genome and config.genome is not None else None
+    start = None
+    if has_genome and config.start is not None:
+        first = _named("start", config, network)
+        start = first, _start_genes(first, config)
+    origin = None
+    if config.training.returns:
+        origin = replace(
+            training_world(config, world.experiment, world.physics), task=world.task, fitness=world.fitness
+        )
+        if replace(origin, name=world.name) == world:
             raise ConfigError(
-                f"genome={config.genome} is for a network of layers {genome.network}; this evolution is for layers "
-                f"{network}. Give another genome or network.layers"
+                "training.season and training.rehearsal need another world than the training world of the experiment, "
+                f"got scenario={world.name}; give one, as scenario=lowlight or change=[slip_left]"
             )
-        given = genome.network_genes
     try:
-        check_start(config.algorithm, config.plan, config.seed)
+        check_start(config.algorithm, config.plan, config.seed, start[1] if start else None)
     except PartError as error:
         raise ConfigError(str(error)) from error
-    return PreparedEvolution(config=config, network=network, plan=plan, given=given)
+    return PreparedEvolution(config=config, network=network, plan=plan, given=given, start=start, origin=origin)
+
+
+def _named(key: str, config: EvolveConfig, network: Network) -> Genome:
+    """The champion that a key names, which must fit robot, task and network."""
+    where = getattr(config, key)
+    try:
+        genome = load_genome(where, config.world.experiment, config.shape)
+        check_genome(genome, config.world, config.shape)
+    except ConfigError as error:
+        raise ConfigError(str(error).replace("genome=", f"{key}=", 1)) from error
+    if genome.network != network:
+        raise ConfigError(
+            f"{key}={where} is for a network of layers {genome.network}; this evolution is for layers {network}. Give "
+            "another champion or network.layers"
+        )
+    return genome
+
+
+def _start_genes(first: Genome, config: EvolveConfig) -> NDArray[np.float64]:
+    """The genes at which evolution begins; what the champion has not, or of another rule, begins at 0."""
+    plan, algorithm = config.plan, config.algorithm
+    own = first.plan if first.rule == name_of(type(config.controller.rule)) else first.plan.of_network
+    genes = own.split(first.plan.pick(first.genes, own))
+    start = np.concatenate([genes.get(part.name, np.zeros(part.size)) for part in plan.parts])
+    limit = getattr(algorithm, "gene_limit", np.inf)
+    if (np.abs(start) > limits(plan, limit)).any():
+        raise ConfigError(
+            f"{algorithm.key}.gene_limit must be {np.abs(start).max():g} or more, the largest gene of "
+            f"start={config.start}, got {limit:g}"
+        )
+    return start
 
 
 def new_evolution(path: Path, config: EvolveConfig, overrides: list[str], facts: dict[str, Any]) -> RunFolder:
@@ -235,9 +291,7 @@ def earlier_champions(path: Path, shares: Sequence[float]) -> Iterator[tuple[int
     """The champions of a whole evolution after shares of its generations, each with the robot-steps until then."""
     config = from_values(settings(path / CONFIG), EvolveConfig, str(path / CONFIG))
     prepared, run = prepare_evolution(config), Run(path)
-    last = Checkpoint.read(
-        path, lambda log: Search(config.algorithm, config.plan, config.seed, log), _digest(path, config)
-    )
+    last = Checkpoint.read(path, prepared.search, _digest(path, config))
     assert last is not None  # it is whole
     steps = run.table("history.csv").robot_steps.cumsum()
     for share in shares:
@@ -278,9 +332,7 @@ def resume(arguments: list[str]) -> Path:
     config = from_values(values, schema, f"resume={path}")
     prepared = prepare_evolution(config)
     prepared.compile()
-    after = Checkpoint.read(
-        path, lambda log: Search(config.algorithm, config.plan, config.seed, log), _digest(path, before)
-    )
+    after = Checkpoint.read(path, prepared.search, _digest(path, before))
     generations, done, key = config.schedule.generations, 0, changeable[0]
     if after is not None:
         done = after.generation.number + 1

@@ -54,6 +54,8 @@ def repeat(path: Path) -> tuple[Path, str]:
         again.compile()
         if again.given is not None and not np.array_equal(load_genome(str(path), "").network_genes, again.given):
             raise ConfigError(f"genome={again.config.genome} does not hold the weights with which {path} began")
+        if load_genome(str(path), "").start != again.start_text:
+            raise ConfigError(f"start={again.config.start} does not hold the genes at which {path} began")
         folder = new_evolution(new, again.config, facts["overrides"], more)
         evolve_into(folder, again, None, threads=thread_count(again.config.threads))
     return new, _difference(path, new)

@@ -25,7 +25,7 @@ _OF_SEED = re.compile(rf"{REFERENCE}_(ode_)?(\d+)")
 # What a champion was evolved for and by, as far as it is known.
 _TEXTS = (
     *("robot", "experiment", "optimizer", "training", "rule", "task", "fitness_function", "sensors"),
-    *("wiring_settings", "physics", "environment"),
+    *("wiring_settings", "physics", "start", "environment"),
 )
 
 
@@ -47,6 +47,7 @@ class Genome:
         wiring_settings: Those of the wiring, as JSON; "" for layers.
         sensors: The readings of the robot's own sensors, by name, with `, ` between; "" without any.
         physics: The name of the physics in which it was evolved, if it is not that of the plane.
+        start: The champion at whose genes its evolution began, and the SHA-256 of these; "" for random genes.
         environment: The name of the environment in which it was evolved, if that is not the maze.
         nominal: Statistics of the champion in its training world.
     """
@@ -66,6 +67,7 @@ class Genome:
     sensors: str = ""
     wiring_settings: str = ""
     physics: str = ""
+    start: str = ""
     environment: str = ""
     nominal: Nominal | None = None
 

@@ -2,9 +2,14 @@
 
 Two presets differ in numbers only (`conf/genetic_algorithms.yaml`): `textbook`, what the paper says, completed by the
 usual choices, and `as_coded`, what its published program does.
+
+For worlds that change it has three devices, all off by default. Random immigrants take the places of the least fit in
+every generation (Grefenstette, PPSN 2 (1992) 137). After a fall of the best fitness, more genes mutate
+(hypermutation: Cobb, NRL report 6760 (1990)), and champions of earlier worlds return from a memory (Mori & Kita, IEEE
+IECON (2000); Branke, CEC (1999) 1875).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import ClassVar
 
@@ -19,6 +24,7 @@ from epuckhebb.evolution.optimizer import Algorithm, Schedule, initial, limits
 from epuckhebb.evolution.training import Training
 from epuckhebb.tmaze.life import Lifetime
 
+_RECENT = 5  # generations whose best fitness a fall is measured from
 _MOST_DRAWS = 100_000  # of a tournament; with this number the fittest always wins
 
 
@@ -44,7 +50,10 @@ class GA(Algorithm):
     lifetime. tournament: draws, with replacement; the fittest becomes a parent. crossover_rate: share of the slots
     that get a child; in the others the individual survives. mutation_rate: share of a child's genes that change by a
     uniform number within +-mutation_range. gene_limit: weights are clipped to +- this. start_noise: how much starts
-    vary in training; at 1 by up to 5 mm sideways, 10 mm ahead and 0.1 rad.
+    vary in training; at 1 by up to 5 mm sideways, 10 mm ahead and 0.1 rad. immigrants: share of random individuals in
+    every generation. fall: the best fitness has fallen if it is lower by more than this than its mean over the last
+    five generations. hypermutation: the mutation rate then; 0 for no other. memory: how many champions are remembered,
+    one from before each fall; all then return.
     """
 
     key: ClassVar[str] = "ga"
@@ -61,10 +70,20 @@ class GA(Algorithm):
     mutation_range: float = within(0, above=True, default=1.0)
     gene_limit: float = within(0, above=True, default=1.0)
     start_noise: float = within(0, default=0.0)
+    immigrants: float = within(0, 1, default=0.0)
+    hypermutation: float = within(0, 1, default=0.0)
+    memory: int = within(0, default=0)
+    fall: float = within(0, default=0.05)
 
     def __post_init__(self) -> None:
         check(self, self.key)
         check_value("ga.elites", self.elites, Range(0, self.population))
+        newcomers = self.memory + round(self.immigrants * self.population)
+        if self.elites + newcomers > self.population:
+            raise ValueError(
+                f"ga.immigrants and ga.memory must leave room for ga.elites={self.elites} in a population of "
+                f"{self.population}, got {newcomers} newcomers"
+            )
 
     def schedule(self, training: Training, lifetime: Lifetime) -> Schedule:  # noqa: ARG002  # others need them
         """As set, in any worlds."""
@@ -74,14 +93,39 @@ class GA(Algorithm):
         """See `Algorithm`."""
         self._plan, self._rng = plan, random.rng(seed, Stream.variation)
         self._individuals = initial(self._rng, self.population, plan)
+        self._best: list[float] = []  # of each generation
+        self._memory: list[Floats] = []
+        self._fittest, self._has_fallen = self._individuals[0], False
+
+    def begin_at(self, genes: Floats) -> None:
+        """See `Algorithm`: the first generation is these genes and their mutants."""
+        limit = limits(self._plan, self.gene_limit)
+        self._individuals = np.array([genes, *(mutate(self._rng, genes, self, limit) for _ in self._individuals[1:])])
+
+    def inherit(self, learnt: Floats) -> None:
+        """See `Algorithm`; weights are the first genes."""
+        limit, weights = limits(self._plan, self.gene_limit), learnt.shape[1]
+        learnt = np.clip(learnt, -limit[:weights], limit[:weights])
+        self._individuals = np.hstack([learnt, self._individuals[:, weights:]])
 
     def ask(self) -> Floats:
         """The population."""
         return self._individuals
 
     def tell(self, fitness: Floats) -> None:
-        """Let the fittest have offspring."""
-        self._individuals = next_generation(self._rng, self._individuals, fitness, self, self._plan)
+        """Let the fittest have offspring, beside random immigrants and, after a fall, those that are remembered."""
+        best, returning = float(fitness.max()), []
+        has_fallen = bool(self._best) and best < float(np.mean(self._best[-_RECENT:])) - self.fall
+        if self.memory and has_fallen and not self._has_fallen:
+            self._memory = [*self._memory, self._fittest][-self.memory :]
+            returning = self._memory
+        self._best.append(best)
+        self._fittest, self._has_fallen = self._individuals[np.argmax(fitness)].copy(), has_fallen
+        ga = replace(self, mutation_rate=self.hypermutation) if has_fallen and self.hypermutation else self
+        self._individuals = next_generation(self._rng, self._individuals, fitness, ga, self._plan)
+        immigrants = initial(self._rng, round(self.immigrants * self.population), self._plan)
+        for place, newcomer in enumerate([*returning, *immigrants], 1):
+            self._individuals[-place] = newcomer
 
 
 def next_generation(rng: np.random.Generator, population: Floats, fitness: Floats, ga: GA, plan: GenomePlan) -> Floats:

@@ -1,0 +1,80 @@
+"""Over many evolutions: a row for each way to evolve, with intervals over seeds, and a table to read."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from epuckhebb.analysis.statistics import bootstrap, mean
+from epuckhebb.analysis.tables import Table, plain
+from epuckhebb.tmaze.robot import STEP_S
+
+_NEVER = 1e12  # robot-hours; more than any evolution has
+_TO_SUCCESS = "hours_to_success"
+_HEADINGS = {"best_fitness": "best fitness", "best_success": "its success", _TO_SUCCESS: "hours to success"}
+HOURS = STEP_S / 3600  # of a robot-step
+
+Histories = Sequence[tuple[Mapping[str, Any], Sequence[pd.DataFrame]]]
+
+
+def summary(evolutions: Histories, fitness: float | None = None) -> pd.DataFrame:
+    """A row for each way to evolve: number of seeds, best fitness and success at the end, robot-hours to success.
+
+    evolutions: for each way its settings, and the `history.csv` of each seed. fitness: robot-hours are those until the
+    best fitness reaches this; None: until all lifetimes of the fittest end at the goal. They are the median over all
+    seeds, those that never reach it included, and empty if half of them do not. Intervals: bootstrap over seeds. An
+    environment knows no success, and no hours.
+    """
+    rows = []
+    for settings, histories in evolutions:
+        values = {
+            name: np.array([one[name].iloc[-1] for one in histories]) for name in _HEADINGS if name in histories[0]
+        }
+        steps = np.mean([history.robot_steps.sum() for history in histories])
+        row = {**settings, "n": len(histories)}
+        if "best_success" in values:
+            values[_TO_SUCCESS] = hours = np.array([_hours(history, fitness) for history in histories])
+            row |= {"robot_hours": steps * HOURS, "n_reached": int((hours < _NEVER).sum())}
+        else:
+            row["robot_steps"] = steps
+        for name, own in values.items():
+            statistic = _median if name == _TO_SUCCESS else mean
+            numbers = float(statistic(own)), *bootstrap(statistic, own)
+            known = [number if number < _NEVER else math.nan for number in numbers]
+            row |= dict(zip((name, f"{name}_low", f"{name}_high"), known, strict=True))
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def readable(table: pd.DataFrame) -> Table:
+    """The table to read."""
+    settings = list(table.columns[: table.columns.get_loc("n")])
+    cost = "robot_hours" if "robot_hours" in table else "robot_steps"
+    names = [name for name in _HEADINGS if name in table]
+    rows = []
+    for row in table.to_dict("records"):
+        cells = [_with_interval(row, name) for name in names]
+        if "n_reached" in row:
+            cells[-1] += f" ({row['n_reached']} of {row['n']})"
+        rows.append([*(plain(str(row[key])) for key in settings), str(row["n"]), *cells, f"{row[cost]:.4g}"])
+    headings = [*map(plain, settings), "n", *(_HEADINGS[name] for name in names), plain(cost)]
+    return Table(headings, rows, "Evolutions: means over seeds, 95 % intervals", text=len(settings))
+
+
+def _with_interval(row: Mapping[Any, Any], name: str) -> str:
+    value, low, high = row[name], row[f"{name}_low"], row[f"{name}_high"]
+    interval = "" if math.isnan(low) else f" [{low:.3g}, {'–' if math.isnan(high) else f'{high:.3g}'}]"
+    return ("–" if math.isnan(value) else f"{value:.3g}") + interval
+
+
+def _hours(history: pd.DataFrame, fitness: float | None) -> float:
+    """Robot-hours until the first generation that reaches it."""
+    reached = history.best_success >= 1 if fitness is None else history.best_fitness >= fitness
+    return float(history.robot_steps.cumsum()[reached].min() * HOURS) if reached.any() else _NEVER
+
+
+def _median(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(np.quantile(values, 0.5, axis=-1, method="higher"))
