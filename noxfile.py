@@ -72,7 +72,7 @@ def tests(session: nox.Session) -> None:
 def thorough(session: nox.Session) -> None:
     """Run the ordinary suite, and the tests that try once more, on other input, what that suite has run."""
     session.install(".", *group("tests"), STABLE)
-    thorough = ["-m", "not (slow or torture or slurm or ray)", "--hypothesis-profile=thorough"]
+    thorough = ["-m", "not (slow or torture or slurm or ray or brian)", "--hypothesis-profile=thorough"]
     session.run("pytest", *TWO_CORES, *thorough, *session.posargs)
 
 
@@ -135,6 +135,13 @@ def ray(session: nox.Session) -> None:
     """Run a sweep on Ray, started on this machine."""
     session.install(".[ray]", *group("tests"), STABLE)
     session.run("pytest", "-m", "ray", "tests/test_launchers.py")
+
+
+@nox.session(tags=["heavy"])
+def brian(session: nox.Session) -> None:
+    """Compare spike trains and spike-timing-dependent plasticity with those of Brian2."""
+    session.install(".", *group("tests"), "brian2>=2.9", "numpy<2.4")  # newer ones need Python 3.12
+    session.run("pytest", "-m", "brian", "tests/test_brian.py")
 
 
 @nox.session(allow_parallel=True)

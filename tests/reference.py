@@ -75,7 +75,9 @@ class Robot:
             self.genes = self.by_layer(drawn)
         self.signs = self.by_layer(np.ones(sum(g.size for g in self.genes)) if signs is None else signs)
         self.controller, self.rule = controller, controller.rule
-        self.last, self.between = [], STEP * self.rule.every  # activations of the last steps; s from update to update
+        self.substeps = network.wiring.substeps if network.wiring else 1
+        # Activations of the last substeps; s from update to update.
+        self.last, self.between = [], STEP / self.substeps * self.rule.every
         self.adaptation = controller.adaptation if controller.adaptation.acts else Adaptation()
         self.task = scenario.task if scenario.task.name == "reversal" else None
         self.trials, self.reward, self.over, self.time_outs = [], 0.0, False, 0
@@ -181,8 +183,8 @@ class Robot:
         heading = self.body.angle
         readings = self.scaled(self.sense(x, y, heading))
         seen = readings if self.task is None else np.append(readings, self.reward)
-        activations = self.act(seen)
-        left, right = activations[-1][-2:]
+        passes = [self.act(seen) for _ in range(self.substeps)]
+        left, right = passes[-1][-1][-2:]
         arm = self.world.maze.arms[self.side]
         if self.task is None and arm.left < x < arm.right and arm.bottom < y < arm.top:
             self.junction = 1.0
@@ -197,17 +199,18 @@ class Robot:
         rate = self.rule.N * need * max(self.rule.floor, fitness)
         if self.rule.N_gain_rad_s:
             rate *= self.gain / self.rule.N_gain_rad_s
-        self.last = [*self.last, activations][-self.rule.average :]
-        read = [sum(layer) / len(self.last) for layer in zip(*self.last, strict=True)]
-        if "v" in self.evolved and self.rule.N > 0:
-            *v, v0 = self.evolved["v"]
-            of_reward = self.evolved["vr"][0] * read[0][-2] if self.task is not None else 0
-            rate *= np.tanh((np.dot(v, read[-2]) + v0 + of_reward) / 2)
         self.fitness = fitness
         if need == 0 and self.adaptation.plastic_when.name != "goal_signal":
             self.initialise()
-        if need > 0 and self.rule.N > 0 and self.step_number % self.rule.every == 0:
-            self.learn(read, rate)
+        for number, activations in enumerate(passes, 1 + (self.step_number - 1) * self.substeps):
+            self.last = [*self.last, activations][-self.rule.average :]
+            read = [sum(layer) / len(self.last) for layer in zip(*self.last, strict=True)]
+            if "v" in self.evolved and self.rule.N > 0:
+                *v, v0 = self.evolved["v"]
+                of_reward = self.evolved["vr"][0] * read[0][-2] if self.task is not None else 0
+                rate *= np.tanh((np.dot(v, read[-2]) + v0 + of_reward) / 2)
+            if need > 0 and self.rule.N > 0 and number % self.rule.every == 0:
+                self.learn(read, rate)
         change = sum(np.abs(w - g).sum() for w, g in zip(self.weights, self.genes, strict=True))
         lit = self.weights[0][: self.kind.light.count] * (1 - self.used_scale)
         change += np.abs(lit).sum() + np.abs(lit.sum(axis=0)).sum()
@@ -435,6 +438,19 @@ class Robot:
         state["post"] = state["post"] + share * (post - state["post"])
         return state["pre"] * post - pre * state["post"]
 
+    def move_traces(self, pre, post, state, before, after):
+        state["pre"] = state["pre"] * math.exp(-self.between / before) + pre
+        state["post"] = state["post"] * math.exp(-self.between / after) + post
+        return state["pre"], state["post"]
+
+    def stdp(self, layer, pre, post, state):
+        rule = self.rule
+        before, after = self.move_traces(pre, post, state, rule.tau_plus_s, rule.tau_minus_s)
+        return rule.A_plus * before * post - rule.A_minus * pre * after
+
+    def abcdtraces(self, layer, pre, post, state):
+        return self.abcd(layer, *self.move_traces(pre, post, state, *[self.rule.trace_time_s] * 2), state)
+
     def abcd(self, layer, pre, post, state):
         A, B, C, D, eta = (self.evolved[name][layer] for name in ("A", "B", "C", "D", "eta"))
         back = self.rule.leak * (self.weights[layer] - self.genes[layer])
@@ -532,9 +548,33 @@ class Recurrent(Robot):
         return [np.concatenate([readings, [1.0], self.h]), self.h, np.tanh(self.h @ self.weights[1])]
 
 
+class Spiking(Recurrent):
+    """A robot with leaky integrate-and-fire neurons: tau v' = -v + W [inputs, 1, s'], s: v >= threshold."""
+
+    def shape(self, network, genes):
+        self.wiring, (_, hidden, outputs) = network.wiring, network.layers
+        self.v, self.rests, self.y, self.spikes = [0.0] * hidden, [0] * hidden, np.zeros(outputs), []
+        return super().shape(network, genes)
+
+    def act(self, readings):
+        own, dt = self.wiring, STEP / self.substeps
+        drives, self.h = np.concatenate([readings, [1.0], self.h]) @ self.weights[0], np.zeros(own.hidden)
+        for i, drive in enumerate(drives):
+            if self.rests[i]:
+                self.rests[i] -= 1
+                continue
+            self.v[i] += (1 - math.exp(-dt / own.tau_s)) * (drive - self.v[i])
+            if self.v[i] >= own.threshold:
+                self.v[i], self.rests[i], self.h[i] = 0.0, round(own.refractory_s / dt), 1.0
+        self.spikes.append(self.h)
+        self.y = self.y + (1 - math.exp(-dt / own.readout_s)) * (self.h @ self.weights[1] - self.y)
+        return [np.concatenate([readings, [1.0], self.h]), self.h, np.clip(self.y, -1, 1)]
+
+
 def robot_of(network):
     """The kind of robot that has this network."""
-    return {None: Robot, "ctrnn": Continuous, "elman": Recurrent}[network.wiring and network.wiring.name]
+    kinds = {None: Robot, "ctrnn": Continuous, "elman": Recurrent, "lif": Spiking}
+    return kinds[network.wiring and network.wiring.name]
 
 
 def live(robot, steps):

@@ -1,6 +1,7 @@
 """Signals of change, nominal statistics and the gate: no plasticity where nothing has changed."""
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -28,7 +29,7 @@ from epuckhebb.tmaze.scenario import Scenario
 
 FAST = {"gain_rad_s": 4.0, "record_every": 1}
 NOTHING = no_nominal(16, 8)
-late, novelty, shortfall = map(signal_of, (Late, Novelty, Shortfall))
+late, novelty, shortfall = (partial(signal_of(kind), state=None) for kind in (Late, Novelty, Shortfall))
 
 
 def controller(N=0.0, signal=Signal.behaviour, sign=Sign.hebbian, **adaptation):

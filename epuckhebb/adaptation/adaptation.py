@@ -6,6 +6,7 @@ from enum import Enum
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from epuckhebb.adaptation import change_signals
 from epuckhebb.adaptation.change_signal import ChangeSignal, no_nominal
@@ -14,7 +15,7 @@ from epuckhebb.adaptation.gate import PlasticWhen, Stay, gates
 from epuckhebb.adaptation.homeostasis import HomeostasisState, homeostasis, initial_homeostasis_state
 from epuckhebb.adaptation.wall_following import wall_following
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.own_class import class_in, names_in
+from epuckhebb.controller.own_class import class_in, names_in, stored
 from epuckhebb.controller.plasticity.rule import NoRule, Rule
 from epuckhebb.controller.random import noise_workspace_size
 from epuckhebb.controller.ranges import check, within
@@ -158,6 +159,7 @@ class Adaptation(NoAdaptation):
             return ()
         return AdaptationState(
             recent=np.zeros(robot.inputs + 1),
+            signal=stored(self.signal.state if self.signal else {}, 1),
             hand=np.zeros(1),
             homeostasis=initial_homeostasis_state(robot.light.count),
             noise=np.zeros(noise_workspace_size(16)),
@@ -182,11 +184,12 @@ class Gate(NamedTuple):
 class AdaptationState(NamedTuple):
     """What an adaptation carries from step to step, besides the tally of the lifetime.
 
-    recent: recent means, (inputs + 1,). hand: (1,) the side on which the robot follows a wall, 1 left, -1 right, 0
-    while it follows none. noise: workspace.
+    recent: recent means, (inputs + 1,). signal: one record, what the signal of change stores. hand: (1,) the side on
+    which the robot follows a wall, 1 left, -1 right, 0 while it follows none. noise: workspace.
     """
 
     recent: Floats
+    signal: NDArray[np.void]
     hand: Floats
     homeostasis: HomeostasisState
     noise: Floats

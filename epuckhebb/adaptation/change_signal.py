@@ -1,6 +1,6 @@
 """Signals of change: how a robot notices that its world is no longer the one in which it was evolved."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
@@ -22,6 +22,7 @@ _OF_SIGNAL = {  # the arguments that `signal` may have, and how the kernel has t
     "readings": "now.recent",
     "fitness": "float(now.recent[now.recent.shape[0] - 1])",
     "nominal": "nominal",
+    "state": "state",
 }
 
 
@@ -46,19 +47,23 @@ class ChangeSignal(OwnClass):
         readings     recent means of the sensor readings; what follows them is no reading
         fitness      the recent mean of the live fitness
         nominal      the same in the training world: `NominalOfSide`
+        state        the numbers named in the class attribute `state`, to be read and set
+
+    state: name -> initial value, of what the signal stores during a lifetime.
     """
 
     PART: ClassVar[str] = "change signal"
     KEY: ClassVar[str] = "adaptation.change_signal"
     METHODS: ClassVar[tuple[str, ...]] = ("signal",)
     ARGUMENTS: ClassVar[Collection[str]] = _OF_SIGNAL
+    state: ClassVar[Mapping[str, float]] = {}
     signal: ClassVar[Callable[..., float] | None] = None
 
 
 def signal_of(kind: type[ChangeSignal]) -> Callable[..., float]:
-    """The function `signal(now, nominal)` of a kernel. now: a `SignalContext`. nominal: a `NominalOfSide`."""
-    call = call_of(kind.signal, kind.arguments("signal"), _OF_SIGNAL, "now, nominal")
-    return compiled(lambda now, nominal: number(call(now, nominal)))
+    """The function `signal(now, nominal, state)` of a kernel, of a `SignalContext`, a `NominalOfSide` and a record."""
+    call = call_of(kind.signal, kind.arguments("signal"), _OF_SIGNAL, "now, nominal, state")
+    return compiled(lambda now, nominal, state: number(call(now, nominal, state)))
 
 
 class NominalOfSide(NamedTuple):

@@ -68,7 +68,8 @@ def gates(kind: type[ChangeSignal], plastic_when: PlasticWhen, stay: Stay) -> Ca
         tally.arrived = tally.arrived or at_goal
         tally.away_s = 0.0 if at_goal else tally.away_s + STEP_S
         time_s = step * STEP_S
-        tally.change_signal = signal(SignalContext(time_s, tally.away_s, tally.arrived, state.recent), nominal)
+        context = SignalContext(time_s, tally.away_s, tally.arrived, state.recent)
+        tally.change_signal = signal(context, nominal, state.signal[0])
         open_by = 0.0 if at_goal else need(tally.change_signal, gate.threshold, gate.slope)
         if time_s >= gate.start_by_s and not tally.arrived:
             open_by = 1.0

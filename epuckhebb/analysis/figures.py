@@ -33,6 +33,7 @@ _TITLES = {
     CONTROLS[Sign.shuffled]: "GA with Hebbian plasticity, shuffled signs",
 }
 _SIGNS = "● start    ○ the robot at the end    ◌ goal    ★ lamp    grey: walls    brown: obstacles (light: for a part)"
+_PANEL = 4.2  # inches
 _SQUARES, _THICK = 400, 0.06  # of a grid a side; m of a wall that are shown
 _DIM, _SUNNY = (np.array(to_rgb(name)) for name in ("#d5dae3", "#fff3c4"))  # floor in no and in full light
 _T = TypeVar("_T")
@@ -70,11 +71,11 @@ def maze(scenario: Scenario) -> Figure:
 def _mazes(scenario: Scenario, panels: int, signs: str = _SIGNS) -> tuple[Figure, list[Axes]]:
     """Mazes side by side; below them the changes of the lifetime and the meaning of the signs."""
     left, right, bottom, top = view(scenario.maze)
-    wide = max(4.8 * panels, 6.4 if scenario.changes else 4.8)
+    wide = max(_PANEL * panels, 6.4 if scenario.changes else _PANEL)
     changes = [f"◆{number} {timed_change_text(change)}" for number, change in enumerate(scenario.changes, 1)]
     changes += [f"{len(scenario.hand)} changes by hand"] if scenario.hand else []
     lines = [line for part in ("    ".join(changes), signs) for line in textwrap.wrap(part, round(13 * wide))]
-    high = min(5.6, max(1.6, 4.0 * (top - bottom) / (right - left))) + 1.5 + 0.19 * len(lines)
+    high = min(5.6, max(1.6, 3.4 * (top - bottom) / (right - left))) + (1.5 if signs else 0.6) + 0.19 * len(lines)
     figure = Figure(figsize=(wide, high))
     figure.supxlabel(plain("\n".join(lines)), fontsize=8.5)
     drawn = list(figure.subplots(1, panels, squeeze=False)[0])

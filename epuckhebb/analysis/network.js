@@ -7,6 +7,7 @@ const INPUTS = layers[0], BIAS = INPUTS, layerSizes = [INPUTS + 1, ...layers.sli
 const OWN_END = INPUTS - (data.hasTrials ? 1 : 0);
 const firstNeuron = layerSizes.map((_, layer) => layerSizes.slice(0, layer).reduce((sum, n) => sum + n, 0));
 const NEURONS = layerSizes.reduce((sum, n) => sum + n, 0), WHEELS = NEURONS - 2;
+const SPIKING = data.spiking, TICK = { width: 2, height: 7 };  // the first of these neurons spike; pixels of a tick
 const OWN = data.joined ? NEURONS - INPUTS - 1 : 0;  // neurons whose activations are recorded
 
 const [pre, post] = data.joined ?? [[], []];
@@ -66,12 +67,15 @@ class Network {
     this.c = c;
     this.canvases = stack();
     this.tip = element("p", { className: "tip" });
+    this.raster = element("canvas", { hidden: !SPIKING });
+    this.raster.setAttribute("role", "img");
+    this.raster.setAttribute("aria-label", "spikes of the neurons over time");
     const title = data.controllers[c], canvas = this.canvases.above;
     canvas.tabIndex = 0;
     canvas.setAttribute("aria-label", `${title}: its network of ${NEURONS} neurons and ${GENES} connections; up and down keys select a connection`);
     this.figure = element("figure", { className: "network" },
       element("figcaption", {}, element("h3", { textContent: title })),
-      this.canvases.both, this.tip);
+      this.canvases.both, this.raster, this.tip);
     $("networks")?.append(this.figure);
     canvas.addEventListener("pointermove", (event) => this.point(this.nearest(event.offsetX, event.offsetY)));
     canvas.addEventListener("pointerdown", (event) => this.point(this.nearest(event.offsetX, event.offsetY)));
@@ -110,6 +114,7 @@ class Network {
       }
     });
     this.linesAt = this.neuronsAt = null;
+    this.rasterPen = SPIKING && fit(this.raster, () => SPIKING * TICK.height + 16);
   }
 
   /** The connection within 7 pixels of a point, or null. */
@@ -162,7 +167,25 @@ class Network {
       this.drawLines(life, k);
       this.linesDrawn = now;
     }
-    if (k !== this.neuronsAt) this.drawNeurons(life, k);
+    if (k === this.neuronsAt) return;
+    this.drawNeurons(life, k);
+    if (SPIKING) this.drawSpikes(life, k);
+  }
+
+  /** A row for each neuron, a column for each sample until now: the darker, the more of its substeps had a spike. */
+  drawSpikes(life, k) {
+    const pen = this.rasterPen, right = this.raster.clientWidth, columns = Math.floor((right - this.x[0]) / TICK.width);
+    pen.clearRect(0, 0, this.raster.width, this.raster.height);
+    pen.fillStyle = colours.soft;
+    pen.fillText(`spikes of the last ${(columns * data.interval).toFixed(0)} s, a row for each hidden neuron, a column for each ${data.steps === 1 ? "step" : "recorded step"}`, this.x[0], SPIKING * TICK.height + 12);
+    pen.fillStyle = colours.ink;
+    for (let past = 0; past < columns && k - past >= oldest; past++) {
+      for (let i = 0; i < SPIKING; i++) {
+        pen.globalAlpha = Math.min(1, 2 * life.activations[sampleAt(k - past) * OWN + i]);
+        pen.fillRect(right - (past + 1) * TICK.width, i * TICK.height, TICK.width, TICK.height - 1);
+      }
+    }
+    pen.globalAlpha = 1;
   }
 
   drawLines(life, k) {

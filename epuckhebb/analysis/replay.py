@@ -115,6 +115,7 @@ def fixed_facts(scenario: Scenario, network: Network, gain_rad_s: float, control
         "speed": 100 * gain_rad_s * robot.wheel_radius_m,  # cm/s of a wheel at a network output of 1
         "layers": [*layers, *hidden, network.outputs],
         "wiring": "" if network.wiring is None else network.wiring.name,
+        "spiking": sum(network.layers[1:]) - network.outputs if network.wiring and network.wiring.spikes else 0,
         "joined": None if network.wiring is None else np.array(network.joined).tolist(),
         "inputs": [label for group in scenario.groups for label in group.labels],
         "hasTrials": scenario.task.has_trials,

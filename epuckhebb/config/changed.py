@@ -5,6 +5,7 @@ It is the difference between a configuration and one that is composed of nothing
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields
 from typing import Any, NamedTuple
 
 from omegaconf import DictConfig, OmegaConf, flag_override
@@ -12,8 +13,9 @@ from omegaconf import DictConfig, OmegaConf, flag_override
 from epuckhebb.config import hand
 from epuckhebb.config.catalogue import Composed, by_hydra, of_program
 from epuckhebb.config.overrides import literal, parsed
-from epuckhebb.config.parts import PART_GROUPS
+from epuckhebb.config.parts import PART_GROUPS, part_class
 from epuckhebb.config.plugins import own_references
+from epuckhebb.controller.wiring import LAYERS
 from epuckhebb.runtime import ConfigError, conf
 
 _PARTS = ("maze", "robot", "task", "fitness", "physics")  # groups whose choice `changed` names
@@ -74,6 +76,8 @@ def differences(cfg: DictConfig, choices: Mapping[str, str], usual: UsualWorld) 
     """What differs from the named world, as overrides. What follows from another value is not repeated."""
     yield from (f"{group}={choices[group]}" for group in usual.differ)
     mine, its = _values(cfg, resolve=True), _values(usual.cfg, resolve=True)
+    if (wiring := mine["network.wiring"]) != LAYERS:
+        its |= {f"network.{field.name}": field.default for field in fields(part_class("wiring", wiring, "network"))}
     raw, its_raw = _values(cfg, resolve=False), _values(usual.cfg, resolve=False)
     for key, value in mine.items():
         is_same = value == its.get(key, "null") or (key in its_raw and raw.get(key) == its_raw[key])

@@ -146,11 +146,15 @@ def _complete_parts(cfg: DictConfig) -> None:
 
 
 def _write_defaults(settings: DictConfig, kind: str, part: str, key: str) -> None:
-    """Write down what a class has that was left as it is, but for what all rules, or all wirings, have."""
+    """Write down what a class has that was left as it is, but for what it shares with all rules, or all wirings."""
     base: Any = KINDS[kind].base
-    shared = {field.name for field in fields(base)} if kind in ("rule", "wiring") else set()
+    shared = {(field.name, field.default) for field in fields(base)} if kind in ("rule", "wiring") else set()
     for field in fields(part_class(kind, part, key)):
-        if field.name not in {*shared, *settings} and isinstance(field.default, bool | int | float | str):
+        if (
+            (field.name, field.default) not in shared
+            and field.name not in settings
+            and isinstance(field.default, bool | int | float | str)
+        ):
             settings[field.name] = field.default
 
 

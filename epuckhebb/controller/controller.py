@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.errors import explained
 from epuckhebb.controller.compiling.kernel import SameTypes, kernel
-from epuckhebb.controller.forward_pass import forward_pass
+from epuckhebb.controller.forward_pass import forward_pass, no_substeps
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.genotype import Genotype, genotype_of
 from epuckhebb.controller.network import PAPER_NETWORK, Network
@@ -36,7 +36,7 @@ from epuckhebb.controller.random import Stream, rng
 from epuckhebb.controller.wiring import Neurons
 
 _part: Any = None
-HAS_RULE = False
+HAS_RULE, SUBSTEPS = False, 1
 forward = average = modulate = is_due = learn = _part  # parts, which `_kernel_of` puts here
 _kernels: dict[tuple[object, ...], Any] = {}
 _NO_GAIN = 0.0  # rad/s: there are no wheels whose gain could be another than in training
@@ -46,6 +46,7 @@ class _Scratch(NamedTuple):
     """Temporary arrays of a step."""
 
     drive: Floats
+    substeps: Floats
     synapses: Floats
     change: Floats
     mean: Floats
@@ -76,12 +77,15 @@ def _step(
 ) -> None:
     """Act, then learn. rate: N. fitness: the live fitness F. The inputs stand among the activations."""
     weights, activation, scratch, tally = state.weights, state.activation, state.scratch, state.tally
-    forward(weights, activation, scratch.drive, state.neurons)
-    read = average(state.recent, activation, step, scratch.mean)
-    if HAS_RULE and rate > 0.0 and is_due(step, numbers):
-        now = effective_rate(rate, 1.0, fitness, floor) * modulate(state.genotype.modulatory, read)
-        context = StepContext(fitness, key, step, step_s)
-        tally[0] = learn(weights, state.synapse_state, state.genotype, read, now, context, numbers, scratch)
+    forward(weights, activation, scratch.drive, state.neurons, scratch.substeps)
+    for k in range(SUBSTEPS):
+        number = step * SUBSTEPS + k
+        seen = scratch.substeps[k] if SUBSTEPS > 1 else activation
+        read = average(state.recent, seen, number, scratch.mean)
+        if HAS_RULE and rate > 0.0 and is_due(number, numbers):
+            now = effective_rate(rate, 1.0, fitness, floor) * modulate(state.genotype.modulatory, read)
+            context = StepContext(fitness, key, number, step_s / SUBSTEPS)
+            tally[0] = learn(weights, state.synapse_state, state.genotype, read, now, context, numbers, scratch)
     tally[1] += tally[0]
 
 
@@ -91,6 +95,7 @@ def _kernel_of(rule: type[Rule], network: Network, schedule: Schedule) -> Any:
     if values not in _kernels:
         parts = {
             "HAS_RULE": rule is not NoRule,
+            "SUBSTEPS": network.substeps,
             "forward": forward_pass(network),
             "average": averaging(schedule),
             "is_due": pausing(rule, schedule),
@@ -133,6 +138,7 @@ class Controller:
         self._kernel = _kernel_of(type(rule), network, schedule_of(rule))
         self._scratch = _Scratch(
             np.empty(network.neurons),
+            no_substeps(network),
             np.empty((3, network.synapses)),
             np.empty(weight_change_workspace(network)),
             np.empty(network.neurons),

@@ -25,12 +25,14 @@ MOST_BLOCKS = 16  # that are written out
 
 @cache
 def forward_pass(network: Network) -> Callable[..., None]:
-    """The function `forward(weights, activation, drive, neurons)` that passes inputs through a network.
+    """The function `forward(weights, activation, drive, neurons, substeps)` that passes inputs through a network.
 
     weights: (synapses,). activation: (neurons,), inputs and bias given, the rest filled. drive: (neurons,), workspace.
-    neurons: of a wiring. The sizes are constants in the machine code.
+    neurons: of a wiring. substeps: (substeps, neurons), filled with the activations of each, unless there is one. The
+    sizes are constants in the machine code.
     """
     first, outputs, is_wired = network.first_output, network.outputs, network.wiring is not None
+    count, has_substeps, width = network.substeps, network.substeps > 1, network.neurons
     if isinstance(network, GivenOutputs):
 
         @compiled
@@ -46,13 +48,28 @@ def forward_pass(network: Network) -> Callable[..., None]:
     take_turns = compiled(eval(f"lambda weights, activation, drive, neurons: ({', '.join(calls)},)", functions))
 
     @compiled
-    def forward(weights: Floats, activation: Floats, drive: Floats, neurons: Neurons | None = None) -> None:
-        take_turns(weights, activation, drive, neurons)
-        if is_wired:
-            for k in range(first, first + outputs):
-                activation[k] = min(max(activation[k], -1.0), 1.0)  # nan stays nan, whence the order
+    def forward(
+        weights: Floats,
+        activation: Floats,
+        drive: Floats,
+        neurons: Neurons | None = None,
+        substeps: Any = None,
+    ) -> None:
+        for number in range(count):
+            take_turns(weights, activation, drive, neurons)
+            if is_wired:
+                for k in range(first, first + outputs):
+                    activation[k] = min(max(activation[k], -1.0), 1.0)  # nan stays nan, whence the order
+            if has_substeps:
+                for k in range(width):
+                    substeps[number, k] = activation[k]
 
     return forward
+
+
+def no_substeps(network: Network) -> Floats:
+    """Workspace for the activations of each substep, (substeps, neurons); without rows if there is one."""
+    return np.zeros((network.substeps if network.substeps > 1 else 0, network.neurons))
 
 
 def _responder(network: Network) -> Callable[..., None]:

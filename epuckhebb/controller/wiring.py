@@ -32,7 +32,7 @@ _PER = ("network", "neuron")
 class Neurons(NamedTuple):
     """What the neurons of a wiring have. state: (neurons,) records, what each stores, which changes in a lifetime.
 
-    parameters: (names, neurons), the evolved ones. numbers: the settings. step_s: how long a step is for them [s].
+    parameters: (names, neurons), the evolved ones. numbers: the settings. step_s: how long a substep is for them [s].
     """
 
     state: NDArray[np.void]
@@ -48,22 +48,23 @@ NO_NEURONS = Neurons(np.zeros(0, [("nothing", np.float64)]), np.zeros((0, 0)))  
 class Wiring(OwnClass):
     """Neurons and the synapses that join them; subclasses add settings as fields, and a static method `neuron`.
 
-    outputs: how many outputs the network has; by default two, the wheels. sizes: how many neurons each group has. In a
-    step, all neurons of a group receive their drives, and then respond. The groups take turns. The last neurons of the
-    last group are the network's outputs.
+    outputs: how many outputs the network has; by default two, the wheels. substeps: how many times it runs in a control
+    step, with the same inputs; rules have an update for each substep. sizes: how many neurons each group has. In a
+    substep, all neurons of a group receive their drives, and then respond. The groups take turns. The last neurons of
+    the last group are the network's outputs.
     `synapses` joins neurons. `neuron`, compiled by numba, gives the activation of a neuron; outputs are clipped to -1
     and 1. Its arguments are any of these names, in any order:
 
         drive        the sum over its synapses of weight times presynaptic activation
-        before       its activation in the step before; 0 at first
+        before       its activation in the substep before; 0 at first
         number       of this neuron, from 0
         state        the numbers named in the class attribute `state`, to be read and set
-        step_s       how long a step is for the neurons, s
+        step_s       how long a substep is for the neurons, s
         by           the settings
         (a name in `evolved`: that parameter of this neuron)
 
     state: name -> initial value, of what each neuron stores during a lifetime. evolved: name -> `Evolved`, one for the
-    `network` or one for each `neuron`.
+    `network` or one for each `neuron`. spikes: whether all neurons but the outputs give 1 for a spike and else 0.
     """
 
     PART: ClassVar[str] = "wiring"
@@ -73,7 +74,10 @@ class Wiring(OwnClass):
     evolved: ClassVar[Mapping[str, Evolved]] = {}
     neuron: ClassVar[Callable[..., float] | None] = None
 
+    spikes: ClassVar[bool] = False
+
     outputs: int = within(1, default=2)
+    substeps: int = within(1, 1000, default=1)
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -123,7 +127,8 @@ class Wiring(OwnClass):
                     f"wiring {self.name}: `value` of {name} must give {genes[name].size} finite numbers, got {value}"
                 )
             row[:] = value
-        return Neurons(stored(self.state, count), parameters, self.numbers(), float(self.step_s(gain_rad_s, step_s)))
+        substep_s = float(self.step_s(gain_rad_s, step_s)) / self.substeps
+        return Neurons(stored(self.state, count), parameters, self.numbers(), substep_s)
 
     def joined(self, inputs: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """The presynaptic and the postsynaptic neuron of each synapse, (synapses,) each."""

@@ -1,6 +1,6 @@
 """`epuckhebb replay RUN`: from a run folder to something to watch, a page or a GIF."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -77,5 +77,6 @@ def replay(run: Path, page: Path | None = None, gif: Path | None = None) -> list
 def page_of(recorded: Recording) -> str:
     """The page of a recording."""
     title, world, gain = recorded.title, recorded.config.world, recorded.config.lifetime.gain_rad_s
-    weights, network, notes = recorded.weights, recorded.network, recorded.notes
+    weights, notes = recorded.weights, recorded.notes
+    network = replace(recorded.network, wiring=recorded.config.wiring)  # the record names it alone
     return pages.page(recorded.traces, weights, world, title, gain_rad_s=gain, network=network, notes=notes)

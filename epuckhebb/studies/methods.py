@@ -104,7 +104,8 @@ def in_reversal(methods: Sequence[Method]) -> list[Method]:
         others = {key.partition(".")[0] for key in settings} - {*_MEMORY, "optimizer", "ga", "training"}
         if own and not others and part not in parts:
             parts.append(part)
-            compared = {"champions_of": _PLAIN} if method.champions_of else {"matched_control": _PLAIN}
+            whose = method.champions_of if method.champions_of in [one.name for one in found] else _PLAIN
+            compared = {"champions_of": whose} if method.champions_of else {"matched_control": _PLAIN}
             evolve = {**REVERSAL_TASK, **REVERSAL_GA, **own} if method.evolve else {}
             evaluate = {} if method.evolve else {**REVERSAL_TASK, **own}
             named = {"name": method.name, "description": method.description}

@@ -24,7 +24,7 @@ CONTACT = 0.8  # a distance reading above this counts as contact, as in the publ
 
 # The parts of a lifetime; `epuckhebb.tmaze.lifetime_kernel` puts them here.
 _part: Any = None
-OUTPUT, HAS_RULE, HAS_TRIALS, HAS_SCORE, resets = 0, False, False, False, False
+OUTPUT, SUBSTEPS, HAS_RULE, HAS_TRIALS, HAS_SCORE, resets = 0, 1, False, False, False, False
 draw_noise = sense = apply_sensor_faults = blind = reward_input = scale = _part  # sense
 forward = nearest = score = _part  # act, score
 open_gate = average = modulate = is_due = learn = record_tilt = _part  # learn
@@ -71,7 +71,7 @@ def decide(
     scale(life, setup, step)
 
     # Act.
-    forward(weights, activation, workspace.drive, life.neurons)
+    forward(weights, activation, workspace.drive, life.neurons, workspace.substeps)
     left, right = activation[OUTPUT], activation[OUTPUT + 1]
 
     # Score.
@@ -98,20 +98,24 @@ def decide(
     if resets and tally.need > 0.0 and need == 0.0:
         reset_to_genes(life)
     tally.need = need
-    rate = effective_rate(setup.rate, need, live_fitness, setup.floor)
-    read = average(life.recent, activation, step, workspace.mean)
-    if HAS_RULE and setup.rate > 0.0 and need > 0.0:
-        rate *= modulate(life.genotype.modulatory, read)
-        if is_due(step, setup.rule):
-            context = StepContext(live_fitness, life.key, step, STEP_S)
-            tally.weight_change = learn(
-                weights, life.synapse_state, life.genotype, read, rate, context, setup.rule, workspace
-            )
+    base_rate = rate = effective_rate(setup.rate, need, live_fitness, setup.floor)
+    for k in range(SUBSTEPS):
+        number = step * SUBSTEPS + k
+        seen = workspace.substeps[k] if SUBSTEPS > 1 else activation
+        read = average(life.recent, seen, number, workspace.mean)
+        if HAS_RULE and setup.rate > 0.0 and need > 0.0:
+            rate = base_rate * modulate(life.genotype.modulatory, read)
+            if is_due(number, setup.rule):
+                context = StepContext(live_fitness, life.key, number, STEP_S / SUBSTEPS)
+                tally.weight_change = learn(
+                    weights, life.synapse_state, life.genotype, read, rate, context, setup.rule, workspace
+                )
     tally.weight_change_sum += tally.weight_change + tally.scaling
     if setup.record_every > 0 and step % setup.record_every == 0:
-        number = step // setup.record_every
-        record(setup.samples, number, step * STEP_S, at, tally, weights, activation, live_fitness, rate)
-        record_tilt(space, setup.samples.tilt, number % setup.samples.time.shape[0])
+        place = step // setup.record_every
+        time = step * STEP_S
+        record(setup.samples, place, time, at, tally, weights, activation, workspace.substeps, live_fitness, rate)
+        record_tilt(space, setup.samples.tilt, place)
 
     left, right = explore(life, setup, left, right)
     return left, right
@@ -177,20 +181,20 @@ def reset_to_genes(life: Life) -> None:
 @compiled
 def record(
     samples: Samples,
-    number: int,
+    place: int,
     time: float,
     at: Pose,
     tally: Any,
     weights: Floats,
     activation: Floats,
+    substeps: Floats,
     live_fitness: float,
     rate: float,
 ) -> None:
-    """Write the sample of a number; where there is no room left, it replaces the oldest one.
+    """Write the sample of a place.
 
     It takes no whole `Life`, whose type depends on the rule: so it is compiled once for all rules.
     """
-    place = number % samples.time.shape[0]
     samples.time[place] = time
     samples.pose[place, 0], samples.pose[place, 1], samples.pose[place, 2] = at.x, at.y, at.heading
     inputs, synapses = samples.sensors.shape[1], samples.weights.shape[1]
@@ -205,4 +209,8 @@ def record(
         samples.weights[place, k] = weights[k]
     neurons = samples.activations.shape[1]
     for j in range(neurons):
-        samples.activations[place, j] = activation[activation.shape[0] - neurons + j]
+        k, count = activation.shape[0] - neurons + j, substeps.shape[0]
+        total = 0.0 if count else activation[k]
+        for substep in range(count):
+            total += substeps[substep, k]
+        samples.activations[place, j] = total / max(1, count)

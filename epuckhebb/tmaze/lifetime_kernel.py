@@ -47,6 +47,7 @@ def kernel_of(
     check_inputs(network, robot, task)
     parts = {
         "OUTPUT": network.first_output,
+        "SUBSTEPS": network.substeps,
         "HAS_RULE": rule is not NoRule,
         "HAS_TRIALS": task.has_trials,
         "HAS_SCORE": scoring.step is not None,

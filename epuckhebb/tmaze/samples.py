@@ -17,7 +17,7 @@ class Samples(NamedTuple):
     time [s]; pose: x, y [m], heading [rad]; sensors: the network's inputs; motors: the 2 network outputs; fitness:
     live F; change_signal: nan if there is none; rate: N_e; weight_change: sum of |W - W_gene|, that of homeostasis
     included; weights: (samples, synapses), after the step's update, without the scale of homeostasis; activations:
-    (samples, neurons) of those of a wiring, which weights and inputs alone do not give; none of layers; tilt: roll,
+    (samples, neurons) of those of a wiring, means over the substeps of that step; none of layers; tilt: roll,
     pitch [rad] and height above the floor [m], nothing in the plane; phase_began:
     (phases,) when each world of the lifetime began [s], its new walls standing, nan if it did not.
     """

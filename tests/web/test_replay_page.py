@@ -16,8 +16,9 @@ from playwright.sync_api import expect
 
 from epuckhebb.analysis import replay
 from epuckhebb.analysis.evaluate import evaluate
-from epuckhebb.controller.network import PAPER_NETWORK
+from epuckhebb.controller.network import PAPER_NETWORK, Network
 from epuckhebb.controller.plasticity.rules.paper import Paper
+from epuckhebb.controller.wirings.lif import LIF
 from epuckhebb.tmaze.individual import GA, HEBBIAN, Controller
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.maze import SIDES
@@ -329,3 +330,28 @@ def test_both_schemes_on_desk_and_phone(visit, run, scheme, width):
 def brightness(page):
     colour = page.evaluate("getComputedStyle(document.body).backgroundColor")
     return np.mean([int(level) for level in re.findall(r"\d+", colour)])
+
+
+@pytest.mark.parametrize("width", [1280, 320])
+def test_a_preview_shows_robots_and_time_alone(run, visit, width):
+    page = visit(run, "#preview", viewport={"width": width, "height": 480})
+    assert page.evaluate("document.documentElement.scrollWidth") == width
+    expect(page.locator("#mazes figure")).to_have_count(2)
+    expect(page.locator("#play")).to_be_visible()
+    for hidden in ("h1", "#networks", "#charts"):
+        expect(page.locator(hidden)).to_be_hidden()
+
+
+def test_a_spiking_network_shows_its_spikes_until_now(tmp_path, visit):
+    network = Network((16, *LIF().sizes), wiring=LIF())
+    genes = np.random.default_rng(5).uniform(-0.4, 1, network.synapses)
+    folder, _ = replayed(tmp_path, Scenario(), genes, seconds=20.0, network=network)
+    marks = "canvas => canvas.getContext('2d').getImageData(0, 0, canvas.width, 70).data"
+    marked = {}
+    for moment in (5, 15):
+        raster = visit(folder, f"#t={moment}").locator(".network canvas").nth(2)
+        raster.scroll_into_view_if_needed()
+        marked[moment] = raster.evaluate(
+            f"canvas => ({marks})(canvas).filter((value, i) => i % 4 === 3 && value).length"
+        )
+    assert 100 < marked[5] < 0.5 * marked[15]
