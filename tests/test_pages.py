@@ -53,7 +53,7 @@ BRIEF = {
     "play": ["--no-browser", "--port", "0", "-q"],
 }
 BRIEF_TASK = ["task.trials=2", "task.last_switch=2", "task.time_out_s=1"]  # these say how long a lifetime is
-BRIEF_GA = ["ga.population=4", "ga.elites=1", "ga.generations=1", "ga.loops=1"]
+BRIEF_GA = ["ga.population=4", "ga.elites=1", "ga.generations=1", "ga.loops=2"]
 
 
 def brief(command, words, seconds=64):
