@@ -40,6 +40,8 @@ class LiveWorld:
     planned: changes by hand that are done in their time, those of another world like this one.
     """
 
+    PAGE = "play.html"
+
     def __init__(
         self, words: Sequence[str], side: str, config_dir: str | None = None, planned: Sequence[Mapping[str, Any]] = ()
     ) -> None:
@@ -72,6 +74,11 @@ class LiveWorld:
     def steps(self) -> int:
         """How many steps have been run."""
         return max(robot.steps for robot in self.robots)
+
+    @property
+    def shown(self) -> object:
+        """Pages are told of the world when this is another one."""
+        return self.robots[0].world
 
     @property
     def is_over(self) -> bool:
