@@ -19,7 +19,6 @@ from cases import refused
 import epuckhebb
 from epuckhebb.export.replay import page_of, recording
 from epuckhebb.live import page
-from epuckhebb.live import world as live_world
 from epuckhebb.live.server import Play
 from epuckhebb.live.world import LiveWorld
 from epuckhebb.runs import repeat
@@ -102,32 +101,9 @@ def test_a_life_in_which_nothing_was_done_is_an_evaluation(here):
     assert not (here / "runs" / "play").exists()
 
 
-def test_a_life_of_hours_keeps_its_last_minutes(here, monkeypatch):
-    hours = [*WORDS, "lifetime.duration_s=14400"]
-    whole = LiveWorld(WORDS, "left")
-    assert whole.kept == live_world.KEPT
-    monkeypatch.setattr(live_world, "KEPT", 512)
-    world = LiveWorld(hours, "left")
-    for one in (whole, world):
-        disturb(one, 300)
-    for robot, other in zip(world.robots, whole.robots, strict=True):
-        assert world.steps == whole.steps > 3 * len(robot.samples.time)
-        last = np.arange(world.steps - 512, world.steps)
-        for name in SERIES:
-            np.testing.assert_array_equal(getattr(robot.samples, name)[last % 512], getattr(other.samples, name)[last])
-    content, until = page.samples(world, 0)
-    since, count, _ = struct.unpack("<III", content[:12])
-    assert (since, count) == (-(-(world.steps - 512) // 8) * 8, until - since)
-    assert (content, until) == page.samples(whole, since) == page.samples(world, since)
-    saved = world.save()
-    assert saved["same"]
-    assert repeat(here / saved["run"])[1] == ""
-
-
 @pytest.mark.thorough
 @pytest.mark.usefixtures("here")
-def test_a_life_of_many_trials_is_saved_when_they_are_over(monkeypatch):
-    monkeypatch.setattr(live_world, "KEPT", 512)
+def test_a_life_of_many_trials_is_saved_when_they_are_over():
     learner = Path(__file__).parents[1] / "runs" / "reference" / "reversal" / "learner_210.npz"
     words = [f"genome={learner}", "task=reversal", "hebbian=modulated", "task.trials=3", "task.last_switch=2"]
     world = LiveWorld(words, "left")
@@ -142,8 +118,7 @@ def test_a_life_of_many_trials_is_saved_when_they_are_over(monkeypatch):
     rows = np.frombuffer(content, "<f4", offset=12).reshape(len(world.robots), -1)
     assert len({robot.steps for robot in world.robots}) > 1
     for row, robot in zip(rows, world.robots, strict=True):
-        assert robot.steps > len(robot.samples.time) == 512
-        np.testing.assert_array_equal(row[:3], robot.samples.pose[(robot.steps - 1) % 512].astype(np.float32))
+        np.testing.assert_array_equal(row[:3], robot.samples.pose[robot.steps - 1].astype(np.float32))
 
 
 BAD = [

@@ -258,21 +258,27 @@ def export(
     what: Annotated[
         str,
         typer.Argument(
-            help="A run of evaluate, or a champion: a run of evolve, a file, reference_7.",
-            metavar="RUN",
+            help="A run of evaluate, a champion (a run of evolve, a file, reference_7), or gallery.",
+            metavar="RUN|gallery",
         ),
     ],
     webots: Annotated[bool, typer.Option("--webots", help="As a controller for the e-puck of Webots.")] = False,
     output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where to write it; the controller's name.")
-    ] = Path("epuckhebb_champion"),
+        Path | None,
+        typer.Option("--output", "-o", metavar="FOLDER", help="Where to write it.  [epuckhebb_champion or gallery]"),
+    ] = None,
 ) -> None:
-    """Take a champion, and its plasticity, to another simulator."""
+    """A controller for another simulator, or a gallery of replays for a web host."""
+    if what == "gallery" and not webots:
+        from epuckhebb.export.gallery import gallery
+
+        typer.echo("\n".join(map(str, gallery(output or Path(what)))))
+        return
     from epuckhebb.export import webots as exported
 
     if not webots:
-        raise ConfigError(f"export writes controllers for Webots: type `epuckhebb export {what} --webots`")
-    files, next_step = exported.webots(what, output)
+        raise ConfigError(f"type `epuckhebb export {what} --webots`, for Webots, or `epuckhebb export gallery`")
+    files, next_step = exported.webots(what, output or Path("epuckhebb_champion"))
     typer.echo("\n".join([*map(str, files), next_step]))
 
 

@@ -56,7 +56,7 @@ _EXAMPLES = {
     "sweep": ["light", "n_sweep genome=runs/evolve/RUN --dry-run", "my_studies.py:Mine repeats=5"],
     "show": ["", "latest", "reference_7"],
     "keys": ["scenario", "evolve", "--search lamp"],
-    "export": ["runs/evaluate/RUN --webots", "reference_7 --webots --output controllers/genes_only"],
+    "export": ["gallery", "runs/evaluate/RUN --webots", "reference_7 --webots --output controllers/genes_only"],
     "rerun": ["latest"],
 }
 

@@ -45,7 +45,7 @@ def facts(play: "Play") -> dict[str, Any]:
         "life": play.life,
         "isLive": True,
         "sides": [world.side],
-        "kept": world.kept,
+        "most": world.lifetime.steps,
         "interval": STEP_S,
         "steps": 1,
         "weightsEvery": WEIGHTS_EVERY,
@@ -104,22 +104,19 @@ def state(play: "Play") -> dict[str, Any]:
 
 
 def samples(world: LiveWorld, since: int) -> tuple[bytes, int]:
-    """What was recorded of all robots from a step on, as far as it is still kept; and up to which step.
+    """What was recorded of all robots from a step on; and up to which step.
 
     Three whole numbers come first: the first step, how many, and how many samples of weights. Then, for each robot,
     the rows of 32-bit numbers (pose, inputs, activations of a wiring, motors, fitness, change signal, rate, weight
     change) and the rows of the weights, as their change since the start of the lifetime.
     """
-    oldest = world.steps - world.kept
-    if since < oldest:
-        since = -(-oldest // WEIGHTS_EVERY) * WEIGHTS_EVERY
     until = min(world.steps, since + _MOST)
     first = -(-since // WEIGHTS_EVERY) * WEIGHTS_EVERY
     steps = np.arange(since, until)
     parts = [struct.pack("<III", since, until - since, len(range(first, until, WEIGHTS_EVERY)))]
     for robot in world.robots:
         recorded = robot.samples
-        some = np.minimum(steps, robot.steps - 1) % len(recorded.time)
+        some = np.minimum(steps, robot.steps - 1)
         columns = (
             recorded.pose[some],
             recorded.sensors[some],
