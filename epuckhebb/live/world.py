@@ -62,7 +62,9 @@ class LiveWorld:
         self.lifetime = replace(config.lifetime, record_every=1)
         wanted = [(number, self.side, 0) for number in range(len(self.controllers))]
         nominal, plan, network = prepared.remember(1), genome.plan, genome.network
-        individuals = individuals_for(genome.genes, self.controllers, wanted, nominal, plan, network, config.seed)
+        individuals = individuals_for(
+            genome.genes, self.controllers, wanted, nominal, plan, network, config.seed, genome.signs
+        )
         self.robots = [Session(one, config.world, self.lifetime) for one in individuals]
         self.changes: list[dict[str, Any]] = []
         self.wishes: dict[str, Any] = {}
