@@ -20,6 +20,8 @@ from epuckhebb.controller.plasticity.rules.abcd_traces import ABCDTraces
 from epuckhebb.controller.plasticity.rules.stdp import STDP
 from epuckhebb.controller.wirings.ctrnn import CTRNN
 from epuckhebb.controller.wirings.lif import LIF
+from epuckhebb.live import page
+from epuckhebb.store import load_genome
 from epuckhebb.tmaze.individual import GA_ALONE, Controller
 from epuckhebb.tmaze.robot import STEP_S
 
@@ -119,8 +121,11 @@ def test_the_spiking_signal_is_silent_up_to_its_threshold_and_then_the_rate_of_a
 
 @pytest.mark.usefixtures("here")
 def test_a_champion_that_spikes_is_evolved_learns_later_and_shows_its_spikes():
-    done("evolve", "network.wiring=lif", "network.hidden=4", *SMALL_GA, "ga.generations=1")
-    words = ["genome=latest", "hebbian=stdp", "scenario=4obstacles", "lifetime.duration_s=2", "repeats=1"]
+    done("evolve", "network.wiring=lif", "network.hidden=4", *SMALL_GA, "ga.generations=1", "hydra.run.dir=champion")
+    offered = page._rules(SimpleNamespace(genome=load_genome("champion", "obstacles")))
+    assert "stdp" in offered
+    assert "abcd_shared" not in offered  # a rule of layers
+    words = ["genome=champion", "hebbian=stdp", "scenario=4obstacles", "lifetime.duration_s=2", "repeats=1"]
     done("evaluate", *words, "adaptation=spiking", "hydra.run.dir=run")
     config = Path("run/.hydra/config.yaml").read_text()
     assert [line in config for line in ("  wiring: lif\n", "  substeps: 8\n", "  tau_minus_s: 0.02\n")] == [True] * 3
