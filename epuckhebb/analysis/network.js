@@ -67,9 +67,8 @@ class Network {
     this.c = c;
     this.canvases = stack();
     this.tip = element("p", { className: "tip" });
-    this.raster = element("canvas", { hidden: !SPIKING, title: "A row for each neuron, a column for each recorded step; the darker, the more substeps had a spike" });
-    this.raster.setAttribute("role", "img");
-    this.raster.setAttribute("aria-label", "spikes of the neurons over time");
+    const meaning = "Spikes: a row for each neuron, a column for each recorded step; the darker, the more substeps had one";
+    this.raster = element("canvas", { hidden: !SPIKING, role: "img", title: meaning });
     const title = data.controllers[c], canvas = this.canvases.above;
     canvas.tabIndex = 0;
     canvas.setAttribute("aria-label", `${title}: its network of ${NEURONS} neurons and ${GENES} connections; up and down keys select a connection`);
