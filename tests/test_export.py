@@ -51,7 +51,7 @@ class Device:
 
     def getValues(self):  # noqa: N802
         x, y, _ = self.robot.pose[self.robot.now]
-        return [x, 0.0, -y]
+        return [x, y, 0.0]
 
     def setPosition(self, position):  # noqa: N802
         assert position == np.inf
@@ -91,10 +91,13 @@ def test_the_controller_drives_and_learns_as_our_robot(monkeypatch, signal):
     result = done("evaluate", *words, *fast, start, "hydra.run.dir=run", "-q")
     result = done("export", "run", "--webots", "-o", "controllers/mine")
     *written, following = result.stdout.splitlines()
-    assert written == [f"controllers/mine/{name}" for name in ("mine.py", "champion.json", "genes.npy")]
+    assert written == [f"controllers/mine/{name}" for name in ("mine.py", "champion.json", "genes.npy", "mine.wbt")]
     assert all(map(Path.is_file, map(Path, written)))
-    assert "choose mine in the field" in following
-    assert "gps_axes" in following
+    assert "move mine.wbt into its worlds/" in following
+    world = Path(written[-1]).read_text()
+    assert world.count('name "wall ') == 9
+    assert world.count("{") == world.count("}")
+    assert "  translation 0.03 0.15 0\n  rotation 0 0 1 0.523599\n" in world
     with np.load("run/traces.npz") as held:
         traces = dict(held)
     for lifetime, (controller, side) in enumerate(zip(traces["controller"], traces["side"], strict=True)):

@@ -3,20 +3,23 @@
 import io
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import matplotlib.figure
 import numpy as np
+import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from PIL import Image
 
-from epuckhebb.analysis import charts, figures, movie
+from epuckhebb.analysis import charts, figures, leaderboard_charts, movie
 from epuckhebb.analysis.evaluate import Traces, evaluate
 from epuckhebb.analysis.image import KINDS, image
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.controller.wirings.elman import Elman
+from epuckhebb.flock import figure as flock
 from epuckhebb.tmaze.individual import HEBBIAN, Controller
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.light import Lamp
@@ -24,6 +27,8 @@ from epuckhebb.tmaze.maze import Box, Maze, Place, Pose, Region, boxes
 from epuckhebb.tmaze.samples import Samples, empty_samples
 from epuckhebb.tmaze.scenario import Scenario
 
+REFERENCE = Path(__file__).parents[1] / "runs" / "reference"
+BOARD = ("leaderboard", "champions")
 ROOM = Maze(  # a room of 0.6 m by 0.4 m, off the middle, with a wall far away that nobody can get to
     name="room",
     walls={
@@ -149,6 +154,42 @@ def test_weights_before_and_after_with_their_bound(drawn, layers, wiring):
     assert axes.get_title() == f"left: {1 / network.synapses:.0%} of {network.synapses} weights at the bound"
 
 
+def reference(name):
+    return pd.read_csv(REFERENCE / f"{name}.csv")
+
+
+def test_pages_have_the_colours_of_figures():
+    page = (Path(charts.__file__).parent / "drawing.css").read_text()
+    names = {"left": charts.SIDE["left"], "right": charts.SIDE["right"], "lamp": figures.LAMP}
+    for name, colour in {**names, "rose": charts.WEIGHT["higher"], "fell": charts.WEIGHT["lower"]}.items():
+        assert f"--{name}: light-dark({colour}," in page
+
+
+def test_rescued_against_harmed_has_obstacles_left_and_no_row_of_few_champions():
+    rows = reference("adaptive/rescue_over_all")
+    left, right = charts.rescue_and_harm(rows).axes
+    assert (left.get_title()[:9], right.get_title()[:5]) == ("obstacles", "light")
+    assert {text.get_text() for text in right.texts} == set(rows.controller)
+    few = reference("rescue_over_all").query("experiment == 'obstacles'")
+    assert "Fewer than 6 champions" in texts(charts.rescue_and_harm(few))[0]
+
+
+def test_a_leaderboard_has_a_head_for_each_class_and_the_number_of_champions():
+    board, champions = (reference(f"leaderboard/{name}").query("experiment == 'light'") for name in BOARD)
+    left, right = leaderboard_charts.success(board, champions, {}).axes
+    assert [text.get_text() for text in left.texts] == ["senses", "live fitness", "goal signal"]
+    assert [text.get_text() for text in right.texts] == ["12"] * len(board) + ["n"]
+    assert len(left.get_yticks()) == len(board)
+
+
+def test_each_coupling_of_a_flock_has_its_panels():
+    panels = flock.curves(reference("flock/curves"), 1200.0, 20).axes
+    assert [axes.get_title() for axes in panels[:4]] == [
+        "transfer entropy", "live fitness", "transfer entropy × fitness", "oracle"
+    ]  # fmt: skip
+    assert len(panels) == 2 * 4
+
+
 def test_film_shows_the_world_of_the_moment():
     brown = np.array([0xB0, 0x7D, 0x62])
 
@@ -176,7 +217,7 @@ def test_same_trajectories_give_the_same_bytes():
         first = image(figures.trajectories(traces, world, "title"), kind)
         assert first == image(figures.trajectories(traces, world, "title"), kind)
     with Image.open(io.BytesIO(image(figures.trajectories(traces, world, "title")))) as picture:
-        assert math.isclose(picture.width, 2 * 4.8 * 120, abs_tol=1)
+        assert math.isclose(picture.width, 2 * 4.2 * 120, abs_tol=1)
 
 
 def test_a_figure_for_a_paper_has_its_width_and_letters_that_can_be_read():

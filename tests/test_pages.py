@@ -25,7 +25,7 @@ ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*/README.md"))
 RUNS = [ROOT / "runs" / "README.md", ROOT / "runs" / "reference" / "README.md"]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *RUNS, *sorted((ROOT / "docs").glob("*.md")), *EXAMPLES]
-APART = ("tutorial", "clusters", "any_world")  # they have tests of their own; the commands of the second fill a cluster
+APART = ("tutorial", "clusters", "any_world", "evolve_or_adapt")  # tested elsewhere; those of the second fill a cluster
 WITH_COMMANDS = [ROOT / "README.md", *EXAMPLES]
 PLACEHOLDER = re.compile(r"\b(RUN|NAME|FILE|KEY|GROUP|Best\.npy)\b|[<>…]|\.\.\.|~")
 BRIEF = {
@@ -53,7 +53,7 @@ BRIEF = {
     "play": ["--no-browser", "--port", "0", "-q"],
 }
 BRIEF_TASK = ["task.trials=2", "task.last_switch=2", "task.time_out_s=1"]  # these say how long a lifetime is
-BRIEF_GA = ["ga.population=4", "ga.elites=1", "ga.generations=1", "ga.loops=1"]
+BRIEF_GA = ["ga.population=4", "ga.elites=1", "ga.generations=1", "ga.loops=2"]
 
 
 def brief(command, words, seconds=64):

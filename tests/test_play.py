@@ -2,6 +2,7 @@
 
 import http.client
 import json
+import math
 import os
 import random
 import signal
@@ -18,8 +19,10 @@ from cases import refused
 
 import epuckhebb
 from epuckhebb.export.replay import page_of, recording
+from epuckhebb.flock.couplings.live_fitness import LiveFitness
+from epuckhebb.flock.plane import Flock, run
 from epuckhebb.live import page
-from epuckhebb.live import world as live_world
+from epuckhebb.live.flock import LiveFlock
 from epuckhebb.live.server import Play
 from epuckhebb.live.world import LiveWorld
 from epuckhebb.runs import repeat
@@ -102,32 +105,9 @@ def test_a_life_in_which_nothing_was_done_is_an_evaluation(here):
     assert not (here / "runs" / "play").exists()
 
 
-def test_a_life_of_hours_keeps_its_last_minutes(here, monkeypatch):
-    hours = [*WORDS, "lifetime.duration_s=14400"]
-    whole = LiveWorld(WORDS, "left")
-    assert whole.kept == live_world.KEPT
-    monkeypatch.setattr(live_world, "KEPT", 512)
-    world = LiveWorld(hours, "left")
-    for one in (whole, world):
-        disturb(one, 300)
-    for robot, other in zip(world.robots, whole.robots, strict=True):
-        assert world.steps == whole.steps > 3 * len(robot.samples.time)
-        last = np.arange(world.steps - 512, world.steps)
-        for name in SERIES:
-            np.testing.assert_array_equal(getattr(robot.samples, name)[last % 512], getattr(other.samples, name)[last])
-    content, until = page.samples(world, 0)
-    since, count, _ = struct.unpack("<III", content[:12])
-    assert (since, count) == (-(-(world.steps - 512) // 8) * 8, until - since)
-    assert (content, until) == page.samples(whole, since) == page.samples(world, since)
-    saved = world.save()
-    assert saved["same"]
-    assert repeat(here / saved["run"])[1] == ""
-
-
 @pytest.mark.thorough
 @pytest.mark.usefixtures("here")
-def test_a_life_of_many_trials_is_saved_when_they_are_over(monkeypatch):
-    monkeypatch.setattr(live_world, "KEPT", 512)
+def test_a_life_of_many_trials_is_saved_when_they_are_over():
     learner = Path(__file__).parents[1] / "runs" / "reference" / "reversal" / "learner_210.npz"
     words = [f"genome={learner}", "task=reversal", "hebbian=modulated", "task.trials=3", "task.last_switch=2"]
     world = LiveWorld(words, "left")
@@ -142,8 +122,7 @@ def test_a_life_of_many_trials_is_saved_when_they_are_over(monkeypatch):
     rows = np.frombuffer(content, "<f4", offset=12).reshape(len(world.robots), -1)
     assert len({robot.steps for robot in world.robots}) > 1
     for row, robot in zip(rows, world.robots, strict=True):
-        assert robot.steps > len(robot.samples.time) == 512
-        np.testing.assert_array_equal(row[:3], robot.samples.pose[(robot.steps - 1) % 512].astype(np.float32))
+        np.testing.assert_array_equal(row[:3], robot.samples.pose[robot.steps - 1].astype(np.float32))
 
 
 BAD = [
@@ -192,6 +171,8 @@ def test_a_life_that_has_ended_takes_no_wishes():
 
 def test_what_makes_no_world_is_refused(here):
     (here / "mine.json").write_text('[{"at_s": 1.0, "light": 1.0}]')
+    with pytest.raises(ConfigError, match="robots"):
+        LiveFlock(["flock", "flock.robots=1"])
     for words in (["scenario=nowhere"], ["genome=none.npz"], ["scenario.hand=mine.json"]):
         with pytest.raises(ConfigError):
             LiveWorld(words, "left")
@@ -384,6 +365,23 @@ def test_a_new_life_waits_for_its_page_and_may_have_a_genome_of_the_user(here, l
     assert not live.is_playing
     live.words.append("genome=mine.npy")  # typed, so a page may keep it
     assert do(live, do="new", words=["genome=mine.npy"]) == {}
+
+
+def test_a_flock_drives_as_that_of_a_study_until_somebody_moves_a_robot():
+    flock = LiveFlock(["flock", "flock=live_fitness"])
+    flock.wish({"coupling": "live_fitness"})
+    while flock.steps < 200 / STEP_S:
+        flock.run(7)
+    record = run(Flock(duration_s=200.0, at_s=100.0), LiveFitness(), 1100)
+    np.testing.assert_array_equal(flock._run.path[: len(record.path)], record.path)
+    with pytest.raises(ValueError, match="where another is"):
+        flock.wish({"put": [0, *flock.state()["poses"][1][:2]]})
+    flock.wish({"put": [9, 5.0, 5.0], "broken": 9})
+    assert flock.state()["poses"][9][:2] == [5.0, 5.0]
+    for values in ({"broken": 8}, {"broken": 10}, {"put": [0, math.nan, 0]}, {"coupling": "loud"}, {"put": 3}):
+        with pytest.raises((ValueError, TypeError)):
+            flock.wish(values)
+    assert (flock.state()["broken"], flock.changes) == (9, 2)
 
 
 def test_from_python(here):

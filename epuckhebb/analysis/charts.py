@@ -35,8 +35,8 @@ MARKER = {"left": "o", "right": "^"}
 
 _DOSES = {
     "success": "success",
-    "weight_change_mean": "weight change (mean of sum |W − W_gene|)",
-    "saturated_fraction": "weights at the bound (share)",
+    "weight_change_mean": "weight change, mean of Σ|W − W_gene|",
+    "saturated_fraction": "share of weights at the bound",
 }
 _CURVES = {"best_fitness": (INK, "-"), "mean_fitness": (SOFT, "--")}  # of an evolution
 _CURVES |= {"best_fitness_again": (KIND["post_hoc"], "-"), "best_fitness_rule_off": (KIND["post_hoc"], ":")}
@@ -75,7 +75,7 @@ def dose_response(doses: pd.DataFrame) -> Figure:
     """
     conditions = list(doses.groupby("condition", sort=False))
     rates = np.sort(doses.N[doses.N > 0].unique())
-    figure = Figure(figsize=(9.6, 2.4 * len(conditions) + 0.9))
+    figure = Figure(figsize=(8.0, 2.1 * len(conditions) + 1.0))
     rows = figure.subplots(len(conditions), 3, squeeze=False, sharex=True, sharey="col")
     for (condition, own), panels in zip(conditions, rows, strict=True):
         for axes, column in zip(panels, _DOSES, strict=True):
@@ -117,11 +117,11 @@ def rescue_and_harm(over_all: pd.DataFrame) -> Figure:
     groups = by_experiment(shown)
     if not groups:
         return too_few()
-    figure = Figure(figsize=(5.2 * len(groups), 4.4))
+    figure = Figure(figsize=(4.3 * len(groups), 3.9))
     panels = figure.subplots(1, len(groups), squeeze=False, sharex=True, sharey=True)[0]
     for axes, (experiment, own) in zip(panels, groups, strict=True):
         x, y = own.harmed_share.to_numpy(), own.rescued_share.to_numpy()
-        look = {"fmt": "none", "elinewidth": 1.0, "capsize": 0, "alpha": 0.6}
+        look = {"fmt": "none", "elinewidth": 1.2, "capsize": 0, "alpha": 0.8}
         for what, way in (("harmed", "xerr"), ("rescued", "yerr")):
             away = np.abs(own[[f"{what}_low", f"{what}_high"]].to_numpy().T - own[f"{what}_share"].to_numpy())
             axes.errorbar(x, y, **{way: away}, ecolor=EFFECT[what], **look)
@@ -129,7 +129,7 @@ def rescue_and_harm(over_all: pd.DataFrame) -> Figure:
         one_rate = own.controller.map(own.controller.value_counts() == 1)
         names = own.controller.where(one_rate, [rescue.label(row.controller, row.N) for row in own.itertuples()])
         _name_points(axes, x, y, [plain(name) for name in names])
-        n = f"{experiment}: n = {own.broken.iloc[0]} broken trials, {own.intact.iloc[0]} intact"
+        n = f"{experiment}\nn = {own.broken.iloc[0]} broken trials, {own.intact.iloc[0]} intact"
         axes.set(xlim=(-0.02, 1.02), ylim=(-0.02, 1.03), title=n)
         axes.set_xlabel(f"{rescue.HARMED} (aim: 0)", color=EFFECT["harmed"])
     panels[0].set_ylabel(f"{rescue.RESCUED} (aim: 1)", color=EFFECT["rescued"])
@@ -156,7 +156,7 @@ def learning_curves(histories: Mapping[str, Sequence[pd.DataFrame]]) -> Figure:
     """
     columns = min(len(histories), _PANELS)
     rows = -(-len(histories) // columns)
-    figure = Figure(figsize=(5 * columns, 3.6 * rows))
+    figure = Figure(figsize=(4.2 * columns, 3.3 * rows))
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes in panels[len(histories) :]:
         axes.remove()
@@ -184,7 +184,7 @@ def weight_change(conditions: Mapping[str, Mapping[str, Samples]], against: str,
 
     conditions: name -> side -> samples of one lifetime. against: `light` (mean) or `proximity` (largest).
     """
-    figure = Figure(figsize=(4.6 * len(conditions), 3.8))
+    figure = Figure(figsize=(3.9 * len(conditions), 3.4))
     panels = figure.subplots(1, len(conditions), squeeze=False, sharey=True)[0]
     for axes, (name, sides) in zip(panels, conditions.items(), strict=True):
         for side, samples in sides.items():
@@ -205,7 +205,7 @@ def weight_change(conditions: Mapping[str, Mapping[str, Samples]], against: str,
 @in_house_style()
 def weights(genes: NDArray[np.float64], lifetimes: Mapping[str, Samples], bound: float, title: str) -> Figure:
     """Each weight before and after a lifetime, a panel a side. bound: of the weights. genes: the weights first."""
-    figure = Figure(figsize=(4.4 * len(lifetimes), 4.7))
+    figure = Figure(figsize=(3.8 * len(lifetimes), 4.2))
     panels = figure.subplots(1, len(lifetimes), squeeze=False, sharey=True)[0]
     for axes, (side, samples) in zip(panels, lifetimes.items(), strict=True):
         after = samples.weights[-1].astype(float)

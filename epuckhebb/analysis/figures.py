@@ -33,8 +33,10 @@ _TITLES = {
     CONTROLS[Sign.shuffled]: "GA with Hebbian plasticity, shuffled signs",
 }
 _SIGNS = "● start    ○ the robot at the end    ◌ goal    ★ lamp    grey: walls    brown: obstacles (light: for a part)"
+_PANEL = 4.2  # inches
 _SQUARES, _THICK = 400, 0.06  # of a grid a side; m of a wall that are shown
 _DIM, _SUNNY = (np.array(to_rgb(name)) for name in ("#d5dae3", "#fff3c4"))  # floor in no and in full light
+OUTLINE = withStroke(linewidth=2, foreground="white")  # of letters
 _T = TypeVar("_T")
 
 
@@ -50,7 +52,7 @@ def trajectories(traces: Traces, scenario: Scenario, title: str) -> Figure:
                 _draw_path(axes, samples, scenario, "left" if side == "left" else "right")
         axes.set_title(plain(controller_title(controller)), fontsize=11)
         axes.legend(ncols=2, fontsize=8.5, loc="upper center", bbox_to_anchor=(0.5, -0.13))
-    figure.suptitle(plain(title), fontsize=9.5)
+    figure.suptitle(textwrap.fill(plain(title), 54 * len(controllers)))
     return figure
 
 
@@ -70,11 +72,11 @@ def maze(scenario: Scenario) -> Figure:
 def _mazes(scenario: Scenario, panels: int, signs: str = _SIGNS) -> tuple[Figure, list[Axes]]:
     """Mazes side by side; below them the changes of the lifetime and the meaning of the signs."""
     left, right, bottom, top = view(scenario.maze)
-    wide = max(4.8 * panels, 6.4 if scenario.changes else 4.8)
+    wide = max(_PANEL * panels, 6.4 if scenario.changes else _PANEL)
     changes = [f"◆{number} {timed_change_text(change)}" for number, change in enumerate(scenario.changes, 1)]
     changes += [f"{len(scenario.hand)} changes by hand"] if scenario.hand else []
     lines = [line for part in ("    ".join(changes), signs) for line in textwrap.wrap(part, round(13 * wide))]
-    high = min(5.6, max(1.6, 4.0 * (top - bottom) / (right - left))) + 1.5 + 0.19 * len(lines)
+    high = min(5.6, max(1.6, 3.4 * (top - bottom) / (right - left))) + (1.5 if signs else 0.6) + 0.19 * len(lines)
     figure = Figure(figsize=(wide, high))
     figure.supxlabel(plain("\n".join(lines)), fontsize=8.5)
     drawn = list(figure.subplots(1, panels, squeeze=False)[0])
@@ -177,4 +179,4 @@ def _draw_path(axes: Axes, samples: Samples, scenario: Scenario, side: Side) -> 
             x, y = (float(np.interp(since, time, pose[:, axis])) for axis in (0, 1))
             axes.plot(x, y, marker="D", markersize=5.5, color=SIDE[side], markeredgecolor="white", zorder=3)
             mark = axes.annotate(str(number), (x, y), offset, textcoords="offset points", fontsize=8, ha=ha, zorder=4)
-            mark.set_path_effects([withStroke(linewidth=2, foreground="white")])
+            mark.set_path_effects([OUTLINE])

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from epuckhebb.analysis import findings, rescue
+from epuckhebb.analysis import findings
 from epuckhebb.analysis.statistics import (
     bootstrap,
     difference,
@@ -27,7 +27,7 @@ from epuckhebb.analysis.statistics import (
     sign_flip,
     wilson_by_champion,
 )
-from epuckhebb.analysis.tables import Table, code, pictures
+from epuckhebb.analysis.tables import Table, code, pictures, with_interval
 from epuckhebb.tmaze.individual import CLASSES, GA
 from epuckhebb.tmaze.scenario import TRAINED
 from epuckhebb.tmaze.task import Task
@@ -236,38 +236,36 @@ def readable(own: pd.DataFrame, worlds: pd.DataFrame, costs: pd.DataFrame | None
     if here.tests.nunique() > 1:
         summed = here.groupby(["method", "tests"], sort=False)[["trials", "successes"]].sum()
         shares = (summed.successes / summed.trials).unstack("tests")[here.tests.unique()]
-    apart = [f"in {code(name)}" for name in shares]
-    headings = ["method", "kind", "learn" if learning else "solves both sides in training"]
-    headings += ["rewarded share" if learning else "success over the test worlds", *apart]
-    headings += ["interquartile mean", "of those that learn" if learning else "retention", "best champion"]
-    headings += ["difference to the matched control", "difference to the best without plasticity"]
-    headings += ["rule off", *(["reward inverted"] if learning else []), "evolved parameters", "million robot-steps"]
-    headings += [] if costs is None else ["CPU s to evolve", "CPU s to test"]
-    rows = []
+    rows: list[dict[str, str]] = []
     for row in own.itertuples():
-        control = f"{rescue.difference(row)}, p = {row.p_holm:.2g}, to {code(row.matched_control)}"
-        control += f"; better with {rescue.share(row.improvement, row.improvement_low, row.improvement_high)}"
-        names = [f"best_plain_{name}" for name in ("difference", "difference_low", "difference_high", "p_holm")]
-        value, low, high, p = (getattr(row, name) for name in names)
-        plain = f"{rescue.signed(value, low, high)}, p = {p:.2g}, to {code(row.best_plain)}"
-        cells = [code(row.method), row.kind, f"{row.solved} of {row.champions}"]
-        cells += [f"**{rescue.share(row.success, row.success_low, row.success_high)}**"]
-        cells += [f"{share:.2f}" for share in shares.loc[str(row.method)]]
-        cells += [rescue.share(row.iqm, row.iqm_low, row.iqm_high)]
-        cells += [rescue.share(row.retention, row.retention_low, row.retention_high), f"{row.best:.2f}"]
-        cells += [control if row.matched_control else "–", plain if row.best_plain else "–"]
-        cells += [rescue.share(row.success_off)]
-        cells += [rescue.share(row.success_inverted)] if learning else []
-        cells += [f"{row.evolved_parameters}", f"{row.robot_steps / 1e6:.1f}"]
+        control = f"{with_interval(row, 'difference', '+.2f')}, p = {row.p_holm:.2g}, to {code(row.matched_control)}"
+        control += f"; better with {with_interval(row, 'improvement')}"
+        best = f"{with_interval(row, 'best_plain_difference', '+.2f')}, p = {row.best_plain_p_holm:.2g}"
+        cells = {"method": code(row.method), "kind": row.kind}
+        if not learning:  # there all rules have the same knowledge, the reward
+            cells["knowledge"] = row.knowledge
+        cells["learn" if learning else "solves both sides in training"] = f"{row.solved} of {row.champions}"
+        success = "rewarded share" if learning else "success over the test worlds"
+        cells[success] = f"**{with_interval(row, 'success')}**"
+        cells |= {f"in {code(name)}": f"{share:.2f}" for name, share in shares.loc[str(row.method)].items()}
+        cells["interquartile mean"] = with_interval(row, "iqm")
+        cells["of those that learn" if learning else "retention"] = with_interval(row, "retention")
+        cells["best champion"] = f"{row.best:.2f}"
+        cells["difference to the matched control"] = control if row.matched_control else "–"
+        plain = f"{best}, to {code(row.best_plain)}" if row.best_plain else "–"
+        cells["difference to the best without plasticity"] = plain
+        cells["rule off"] = with_interval(row, "success_off")
+        if learning:
+            cells["reward inverted"] = with_interval(row, "success_inverted")
+        cells["evolved parameters"] = f"{row.evolved_parameters}"
+        cells["million robot-steps"] = f"{row.robot_steps / 1e6:.1f}"
         if costs is not None:
             cost = _of(costs, experiment, str(row.method)).iloc[0]
-            cells += [f"{cost.evolve_cpu_s:.0f}", f"{cost.test_cpu_s:.1f}"]
-        if not learning:  # there all rules have the same knowledge, the reward
-            cells.insert(2, row.knowledge)
+            cells |= {"CPU s to evolve": f"{cost.evolve_cpu_s:.0f}", "CPU s to test": f"{cost.test_cpu_s:.1f}"}
         rows.append(cells)
-    if not learning:
-        headings.insert(2, "knowledge")
-    return Table(headings, rows, f"{title(experiment)} (95 % interval)", text=2)
+    return Table(
+        list(rows[0]), [list(cells.values()) for cells in rows], f"{title(experiment)} (95 % interval)", text=2
+    )
 
 
 def markdown(

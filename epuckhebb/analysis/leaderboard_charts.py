@@ -30,7 +30,7 @@ def success(board: pd.DataFrame, champions: pd.DataFrame, limits: Mapping[str, f
     if not groups:
         return too_few()
     lines = sum(len(own) + 1 for _, own in groups)
-    drawn = Figure(figsize=(9.0, 0.25 * lines + 1.4))
+    drawn = Figure(figsize=(8.0, 0.25 * lines + 1.4))
     left, right = drawn.subplots(1, 2, width_ratios=(3, 2), sharey=True)
     ticks, place = dict[int, str](), 0
     for knowledge, own in groups:
@@ -99,7 +99,7 @@ def _curves(
 ) -> Figure:
     """A line for each method, a panel for each experiment; the best method of each kind has its name."""
     groups = by_experiment(board[board.experiment.isin(rows.experiment)])
-    drawn = Figure(figsize=(3.6 * len(groups) + 1.0, 3.6))
+    drawn = Figure(figsize=(3.5 * len(groups) + 0.8, 3.4))
     panels = drawn.subplots(1, len(groups), squeeze=False, sharey=True)[0]
     for axes, (experiment, own) in zip(panels, groups, strict=True):
         best = own.loc[own.groupby("kind").success.idxmax()].set_index("method").kind

@@ -15,7 +15,7 @@ from epuckhebb.analysis.claims import RULE
 from epuckhebb.analysis.evaluate import evaluate
 from epuckhebb.analysis.findings import PAPER_N
 from epuckhebb.analysis.statistics import holm
-from epuckhebb.analysis.tables import NEW_LINE, Table, code, pictures, unmarked
+from epuckhebb.analysis.tables import NEW_LINE, Table, code, pictures, unmarked, with_interval
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze.fitness import Signal
@@ -214,10 +214,10 @@ def claims_table(table: pd.DataFrame) -> Table:
 def _of_claim(row: Any) -> list[str]:
     """The number that decides, a share or an effect, and the same of the control."""
     if np.isnan(row.paper_effect):
-        return [_interval(row), rescue.share(row.control_share, row.control_low, row.control_high)]
-    control = row.control_effect, row.control_effect_low, row.control_effect_high
-    own = rescue.percent(row.effect, row.effect_low, row.effect_high)
-    return [f"{own} ({rescue.percent(row.paper_effect)})", rescue.percent(*control)]
+        return [with_interval(row, "share"), with_interval(row, "control_share")]
+    names = ("effect", "paper_effect", "control_effect")
+    own, paper, control = (with_interval(row, name, "+.1f", " %") for name in names)
+    return [f"{own} ({paper})", control]
 
 
 def _at_paper_rates(table: pd.DataFrame) -> pd.DataFrame:
@@ -231,7 +231,7 @@ def success_table(success: pd.DataFrame, controllers: Collection[str] = (GA, *CO
     for (experiment, scenario, controller), group in own.groupby(["experiment", "scenario", "controller"], sort=False):
         sides = group.set_index("side")
         cells = [
-            f"{sides.successes[side]} of {sides.n[side]}: {_interval(sides.loc[side])}"
+            f"{sides.successes[side]} of {sides.n[side]}: {with_interval(sides.loc[side], 'share')}"
             for side in ("left", "right", "both")
         ]
         rows.append([experiment, scenario, rescue.label(controller, group.N.iloc[0]), *cells])
@@ -242,12 +242,13 @@ def rescue_table(harm: pd.DataFrame) -> Table:
     """Rescue and harm at the paper's rates, controls included; the p values of the table are corrected together."""
     shown = _at_paper_rates(harm)
     rows = [
-        [row.scenario, rescue.label(row.controller, row.N), *rescue.counts(row), rescue.difference(row)]
+        [
+            row.scenario,
+            rescue.label(row.controller, row.N),
+            *rescue.counts(row),
+            with_interval(row, "difference", "+.2f"),
+        ]
         + ["–" if np.isnan(p) else f"{p:.2g}"]
         for row, p in zip(shown.itertuples(), holm(shown.sign_flip_p.tolist()), strict=True)
     ]
     return Table(["scenario", "plasticity", rescue.RESCUED, rescue.HARMED, "difference", "p (Holm)"], rows)
-
-
-def _interval(row: Any) -> str:
-    return rescue.share(row.share, row.low, row.high)

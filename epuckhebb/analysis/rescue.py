@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from epuckhebb.analysis.tables import Table, plain
+from epuckhebb.analysis.tables import Table, plain, with_interval
 from epuckhebb.tmaze.individual import HEBBIAN
 from epuckhebb.tmaze.scenario import TRAINED
 
@@ -84,33 +84,8 @@ def counts(row: Any) -> list[str]:
     cells = []
     for part, whole in (("rescued", "broken"), ("harmed", "intact")):
         text = f"{getattr(row, part)} of {getattr(row, whole)}"
-        figures = (getattr(row, f"{part}_{name}") for name in ("share", "low", "high"))
-        cells.append(f"{text}: {share(*figures)}" if getattr(row, whole) else text)
+        cells.append(f"{text}: {with_interval(row, f'{part}_share')}" if getattr(row, whole) else text)
     return cells
-
-
-def difference(row: Any) -> str:
-    """The difference of a row with its interval."""
-    return signed(row.difference, row.difference_low, row.difference_high)
-
-
-def signed(value: float, low: float, high: float) -> str:
-    """A number with its sign, and its interval if that is known."""
-    return f"{value:+.2f}" if np.isnan(low) else f"{value:+.2f} [{low:+.2f}, {high:+.2f}]"
-
-
-def percent(value: float, low: float = np.nan, high: float = np.nan) -> str:
-    """A change in percent, and its interval if that is known."""
-    if np.isnan(value):
-        return "–"
-    return f"{value:+.1f} %" if np.isnan(low) else f"{value:+.1f} % [{low:+.1f}, {high:+.1f}]"
-
-
-def share(value: float, low: float = np.nan, high: float = np.nan) -> str:
-    """A share and its interval, if they are known."""
-    if np.isnan(value):
-        return "–"
-    return f"{value:.2f}" if np.isnan(low) else f"{value:.2f} [{low:.2f}, {high:.2f}]"
 
 
 def retention_table(retention: "pd.DataFrame", *, by_experiment: bool = False) -> Table:
@@ -133,7 +108,7 @@ def retained(row: Any) -> str:
     if not row.trials:
         return text
     champions = "" if np.isnan(row.champions) else f", {row.champions:g} champion{'s' if row.champions > 1 else ''}"
-    return f"{text}: {share(row.share, row.low, row.high)}{champions}"
+    return f"{text}: {with_interval(row, 'share')}{champions}"
 
 
 def _by_scenario(own: "pd.DataFrame") -> Table:

@@ -127,6 +127,18 @@ class Table:
         return Table([self.headings[column] for column in columns], rows, self.title, text)
 
 
+def with_interval(row: Any, name: str, form: str = ".2f", unit: str = "") -> str:
+    """A number of a row of a table with its interval, as far as they are known; a dash without the number.
+
+    name: of the column. Its interval is in `NAME_low` and `NAME_high`, that of `A_share` in `A_low` and `A_high`.
+    """
+    stem = name.removesuffix("share") if name.endswith("share") else f"{name}_"
+    value, low, high = (getattr(row, key, math.nan) for key in (name, f"{stem}low", f"{stem}high"))
+    if math.isnan(value):
+        return "–"
+    return f"{value:{form}}{unit}" + ("" if math.isnan(low) else f" [{low:{form}}, {high:{form}}]")
+
+
 def rates(of: Sequence[tuple[str, float]]) -> str:
     """The base rates of controllers in words, with the controllers where they differ; empty without a rate.
 

@@ -133,7 +133,7 @@ def play(
     config_dir: ConfigDir = None,
     quiet: Quiet = False,
 ) -> None:
-    """A live world in the browser, to disturb by hand."""
+    """A live world in the browser, to disturb by hand; `play flock`: a flock."""
     import webbrowser
 
     from epuckhebb.live.server import Play
@@ -141,7 +141,9 @@ def play(
     from epuckhebb.runtime import be_quiet, say
 
     be_quiet(quiet)
-    words = as_evolved(with_genomes_named(overrides), config_dir)
+    words = list(overrides or ())
+    if words[:1] != ["flock"]:
+        words = as_evolved(with_genomes_named(words), config_dir)
     with Play(words, side, config_dir, port) as live, suppress(KeyboardInterrupt):
         say("Ctrl-C ends it.")
         typer.echo(live.address)  # from here on, Ctrl-C is how it is ended
@@ -258,21 +260,27 @@ def export(
     what: Annotated[
         str,
         typer.Argument(
-            help="A run of evaluate, or a champion: a run of evolve, a file, reference_7.",
-            metavar="RUN",
+            help="A run of evaluate, a champion (a run of evolve, a file, reference_7), or gallery.",
+            metavar="RUN|gallery",
         ),
     ],
     webots: Annotated[bool, typer.Option("--webots", help="As a controller for the e-puck of Webots.")] = False,
     output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where to write it; the controller's name.")
-    ] = Path("epuckhebb_champion"),
+        Path | None,
+        typer.Option("--output", "-o", metavar="FOLDER", help="Where to write it.  [epuckhebb_champion or gallery]"),
+    ] = None,
 ) -> None:
-    """Take a champion, and its plasticity, to another simulator."""
+    """A controller for another simulator, or a gallery of replays for a web host."""
+    if what == "gallery" and not webots:
+        from epuckhebb.export.gallery import gallery
+
+        typer.echo("\n".join(map(str, gallery(output or Path(what)))))
+        return
     from epuckhebb.export import webots as exported
 
     if not webots:
-        raise ConfigError(f"export writes controllers for Webots: type `epuckhebb export {what} --webots`")
-    files, next_step = exported.webots(what, output)
+        raise ConfigError(f"type `epuckhebb export {what} --webots`, for Webots, or `epuckhebb export gallery`")
+    files, next_step = exported.webots(what, output or Path("epuckhebb_champion"))
     typer.echo("\n".join([*map(str, files), next_step]))
 
 

@@ -49,14 +49,14 @@ _EXAMPLES = {
     ],
     "replay": ["latest --open", "runs/evaluate/RUN --gif film.gif"],
     "figure": ["latest trajectories --format pdf --width 180"],
-    "play": ["scenario=4obstacles", "adaptation=novelty --side right"],
+    "play": ["scenario=4obstacles", "flock", "adaptation=novelty --side right"],
     "reproduce": ["--quick", "obstacles champions=40"],
     "leaderboard": ["--quick", "obstacles methods=modulated,abcd_shared", "all hydra/launcher=slurm"],
     "flock": ["--quick", "flock=live_fitness flock.breaks=knower"],
     "sweep": ["light", "n_sweep genome=runs/evolve/RUN --dry-run", "my_studies.py:Mine repeats=5"],
     "show": ["", "latest", "reference_7"],
     "keys": ["scenario", "evolve", "--search lamp"],
-    "export": ["runs/evaluate/RUN --webots", "reference_7 --webots --output controllers/genes_only"],
+    "export": ["gallery", "runs/evaluate/RUN --webots", "reference_7 --webots --output controllers/genes_only"],
     "rerun": ["latest"],
 }
 

@@ -1,7 +1,7 @@
-"""A finished run as something else: a page to watch, a GIF, a controller for Webots.
+"""A finished run as something else: a page to watch, a GIF, a gallery of both, a controller for Webots.
 
 It reads run folders, and changes no result in them.
-Others may import `figure`, `replay` and `webots`.
+Others may import `figure`, `gallery`, `replay` and `webots`.
 What cannot be read, exported or written raises `ConfigError`.
 """
 

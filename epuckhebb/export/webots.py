@@ -6,6 +6,7 @@ import math
 from dataclasses import asdict
 from enum import Enum
 from pathlib import Path
+from string import Template
 from typing import Any
 
 import numpy as np
@@ -20,13 +21,22 @@ from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Genome, Run, load_genome, resolve_run, write_atomic
 from epuckhebb.tmaze.fitness import initial_history
 from epuckhebb.tmaze.individual import Controller
+from epuckhebb.tmaze.light import lights
 from epuckhebb.tmaze.robot import EPUCK
-from epuckhebb.tmaze.scenario import TRAINED
+from epuckhebb.tmaze.scenario import TRAINED, Scenario
 
 _LIGHT_FULL_SCALE = 4095.0  # of Webots' e-puck in the dark, where our readings are 1
-_GPS_AXES = [[0, 1.0], [2, -1.0]]  # X and Y of a maze among the axes of a Webots world whose y points up
+_GPS_AXES = [[0, 1.0], [1, 1.0]]  # X and Y of a maze among the axes of the world, whose z points up
+_WALL_HEIGHT_M = 0.05  # as in the published world
+_SUN_UP = 0.776  # upward part of the unit vector towards the sun, as in the published world
 _CHAMPION = "champion.json"  # what the controller has to know
-_CONTROLLER = Path(__file__).with_name("webots_controller.py")
+_CONTROLLER, _WORLD = (Path(__file__).with_name(f"webots_{name}") for name in ("controller.py", "world.wbt"))
+_WALL = """Solid {{
+  translation {x:.6f} {y:.6f} {middle:.6f}
+  name "wall {number}"
+  children [ Shape {{ appearance PBRAppearance {{ baseColor 1 0 0 roughness 0.5 metalness 0 }} geometry {box} }} ]
+  boundingObject {box}
+}}"""
 
 
 def webots(what: str, folder: Path) -> tuple[list[Path], str]:
@@ -43,19 +53,48 @@ def webots(what: str, folder: Path) -> tuple[list[Path], str]:
         raise ConfigError(f"{what} is for robot {genome.robot}{own}; only {EPUCK.name} as it is can be taken to Webots")
     if folder.exists() and any(folder.iterdir()):
         raise ConfigError(f"{folder} holds files already; give another folder with --output")
-    genes = io.BytesIO()
+    genes, name = io.BytesIO(), folder.resolve().name
     np.save(genes, genome.weights.astype("<f8"))
     written = {
-        folder / f"{folder.resolve().name}.py": _CONTROLLER.read_bytes(),  # Webots wants it to be called as its folder
+        folder / f"{name}.py": _CONTROLLER.read_bytes(),  # Webots wants it to be called as its folder
         folder / _CHAMPION: (json.dumps(_content(genome, config), indent=1, allow_nan=False) + "\n").encode(),
         folder / "genes.npy": genes.getvalue(),
+        folder / f"{name}.wbt": _world(config.world, name).encode(),
     }
     for file, content in written.items():
         write_atomic(file, content)
     return list(written), (
-        f"Next: put this folder below controllers/ of a Webots project, and choose {folder.resolve().name} in "
-        "the field `controller` of its e-puck. With a GPS in a world whose z axis points up, set gps_axes in "
-        "champion.json to [[0, 1.0], [1, 1.0]]; see docs/webots.md."
+        f"Next: put this folder below controllers/ of a Webots project, move {name}.wbt into its worlds/, and open it; "
+        "see docs/webots.md."
+    )
+
+
+def _world(world: Scenario, controller: str) -> str:
+    """The world of a right trial, as it is at the start."""
+    lit = lights(world.light, world.lamp, True, world.sun_turn_deg)
+    height, start = world.maze.wall_height_m or _WALL_HEIGHT_M, world.maze.start
+    walls = [
+        _WALL.format(
+            x=(left + right) / 2,
+            y=(bottom + top) / 2,
+            middle=height / 2,
+            number=number,
+            box=f"Box {{ size {right - left:.6f} {top - bottom:.6f} {height:g} }}",
+        )
+        for number, (left, right, bottom, top) in enumerate(world.boxes)
+    ]
+    return Template(_WORLD.read_text(encoding="utf-8")).substitute(
+        title=world.name,
+        sun=f"{lit.sun:g}",
+        sun_towards=f"{-lit.sun_x:.4f} {-lit.sun_y:.4f} {-_SUN_UP}",
+        lamp=f"{lit.lamp_x:g} {lit.lamp_y:g}",
+        lamp_towards=f"{lit.lamp_towards_x:g} {lit.lamp_towards_y:g}",
+        lamp_intensity=f"{lit.lamp_intensity:g}",
+        beam=f"{min(world.lamp.beam_rad, math.pi / 2):g}",
+        walls="\n".join(walls),
+        start=f"{start.x:g} {start.y:g}",
+        heading=f"{start.heading:.6f}",
+        controller=controller,
     )
 
 

@@ -20,7 +20,7 @@ def curves(table: pd.DataFrame, at_s: float, runs: int) -> Figure:
     """
     kinds = list(table.groupby("breaks", sort=False))
     names = [name for name in table.coupling.unique() if name != "frozen" and " " not in name]
-    figure = Figure(figsize=(2.1 * len(names) + 1.0, 2.0 * len(kinds) + 0.8))
+    figure = Figure(figsize=(1.75 * len(names) + 0.9, 1.9 * len(kinds) + 0.9))
     rows = figure.subplots(len(kinds), len(names), squeeze=False, sharex=True, sharey=True)
     for panels, (breaks, here) in zip(rows, kinds, strict=True):
         for axes, name in zip(panels, names, strict=True):
@@ -48,7 +48,7 @@ def couplings(shown: Mapping[str, NDArray[np.float64]], broken: int, knowers: in
 
     shown: the mean over flocks of both, (2, listeners, speakers).
     """
-    figure = Figure(figsize=(2.2 * len(shown) + 0.9, 5.0))
+    figure = Figure(figsize=(1.85 * len(shown) + 0.9, 4.4))
     rows = figure.subplots(2, len(shown), squeeze=False)
     most = max(float(both.max()) for both in shown.values())
     robots = range(len(next(iter(shown.values()))[0]))

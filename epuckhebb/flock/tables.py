@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from epuckhebb.analysis.statistics import bootstrap, mean, wilson_by_champion
-from epuckhebb.analysis.tables import Table, code
+from epuckhebb.analysis.tables import Table, code, with_interval
 from epuckhebb.flock.plane import CHANGE_S, SAMPLE_S, Flock, Record
 
 CONDITION = ("loudness", "knowers", "range_m", "breaks", "coupling")
@@ -118,13 +118,13 @@ def main_tables(table: pd.DataFrame) -> list[Table]:
     tables = []
     for breaks, own in usual(table).groupby("breaks", sort=False):
         rows = []
-        for row in own.to_dict("records"):
-            cells = [_with_interval(row, name) for name in ("before", "just_after", "long_after", "difference")]
-            cells[3] = "–" if row["coupling"] == "frozen" else cells[3]
-            cells += [f"{row['good'] * row['runs']:.0f} of {row['runs']}"]
-            cells += [_with_interval(row, name, 2) for name in METRICS[3:7]]
-            rows.append([_name(row["coupling"]), *cells, f"{1000 * row['least_gap_m']:.1f}"])
-        tables.append(Table(head, rows, f"{WHAT_BREAKS[str(breaks)].capitalize()} (n = {row['runs']})"))
+        for row in own.itertuples():
+            cells = [with_interval(row, name, ".3f") for name in ("before", "just_after", "long_after")]
+            cells += ["–" if row.coupling == "frozen" else with_interval(row, "difference", "+.3f")]
+            cells += [f"{row.good * row.runs:.0f} of {row.runs}"]
+            cells += [with_interval(row, name) for name in METRICS[3:7]]
+            rows.append([_name(row.coupling), *cells, f"{1000 * row.least_gap_m:.1f}"])
+        tables.append(Table(head, rows, f"{WHAT_BREAKS[str(breaks)].capitalize()} (n = {own.runs.iloc[0]})"))
     return tables
 
 
@@ -134,10 +134,10 @@ def sweep_table(table: pd.DataFrame) -> Table:
     rows = []
     for condition, own in table.groupby(list(CONDITION[:-1]), sort=False):
         loudness, knowers, range_m, breaks = condition
-        cells = own.set_index("coupling").to_dict("index")
+        cells = {row.coupling: row for row in own.itertuples()}
         rows.append(
             [str(breaks), f"{loudness:g}", f"{knowers}", f"{range_m:g}", f"{own.runs.iloc[0]}"]
-            + [_with_interval(cells[name], "long_after", 2) for name in names]
+            + [with_interval(cells[name], "long_after") for name in names]
         )
     return Table(["breaks", "loudness", "knowers", "range (m)", "n", *map(_name, names)], rows)
 
@@ -156,15 +156,6 @@ def page(table: pd.DataFrame, made: str, figures: Sequence[str]) -> str:
             *([f"## Sweep: long after the break\n\n{sweep_table(table).markdown()}"] if is_swept else []),
         ]
     )
-
-
-def _with_interval(row: dict[str, float], name: str, digits: int = 3) -> str:
-    low, high = row[f"{name}_low"], row[f"{name}_high"]
-    if np.isnan(row[name]):  # the weight to the broken robot where none breaks
-        return "–"
-    form = f"{'+' if name == 'difference' else ''}.{digits}f"
-    interval = "" if np.isnan(low) else f" [{low:{form}}, {high:{form}}]"  # none where all runs have one value
-    return f"{row[name]:{form}}{interval}"
 
 
 def title_of(coupling: str) -> str:

@@ -42,7 +42,6 @@ for (const name of ["", ...Object.keys(CHALLENGES)]) {
 $("challenges").hidden = $("task").hidden = data.hasTrials;
 $("side").value = data.sides[0];
 $("seed").value = data.seed;
-$("kept").textContent = Math.round(data.kept * data.interval / 60);
 robot.distances.forEach((_, i) => {
   const button = element("button", { type: "button", textContent: i, title: data.inputs[LIGHTS + i] });
   button.setAttribute("aria-label", `blind: ${data.inputs[LIGHTS + i]}`);
@@ -95,7 +94,7 @@ $("chart-keys").append(
   "Pink marks: changes by hand. Dashed: arrival at the goal.");
 
 /** For the console and for tests: `live.state()`. */
-window.live = { maze, costs, state: () => ({ ...shown, samples, START, END, following, now, world, selected, robots: own.map((life) => poseAt(life, shown.t)), worlds: data.worlds.length }), change, seek };
+window.live = { maze, costs, state: () => ({ ...shown, samples, END, following, now, world, selected, robots: own.map((life) => poseAt(life, shown.t)), worlds: data.worlds.length }), change, seek };
 
 if (hasFlags) showScore(recall("score", {}).secret === secret ? recall("score").lives : {});
 controls();

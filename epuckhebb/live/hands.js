@@ -15,10 +15,10 @@ function redraw() {
 
 function link() {}
 
-/** Go to a moment [s] of those that are kept; the last one is now. */
+/** Go to a moment [s] of this life; the last one is now. */
 function seek(t) {
   following = t >= END;
-  shown.t = Math.max(START, Math.min(END, t));
+  shown.t = Math.max(0, Math.min(END, t));
   $("now").hidden = following;
   redraw();
 }

@@ -3,13 +3,12 @@
 const WIDTHS = { x: 1, y: 1, heading: 1, sensors: INPUTS, activations: OWN, left: 1, right: 1, fitness: 1, changeSignal: 1, rate: 1, weightChange: 1 };
 const ROW = Object.values(WIDTHS).reduce((sum, width) => sum + width, 0);
 const FARTHEST = 3 * data.speed / 100 * data.interval;  // m that a robot can drive in a step; farther, it was put there
-const CHANGES = Math.ceil(data.kept / data.weightsEvery);
-const sampleAt = (k) => k % data.kept;  // where sample k is; the newest ones replace the oldest ones
-const changeAt = (k) => Math.floor(k / data.weightsEvery) % CHANGES;  // where the weights of sample k are
-let samples = 1, first = 0, oldest = 0, START = 0, END = 0, mostChange = 0;
+const sampleAt = (k) => k;
+const changeAt = (k) => Math.floor(k / data.weightsEvery);  // where the weights of sample k are
+let samples = 1, END = 0, mostChange = 0;
 const store = data.controllers.map(() => Object.fromEntries([
-  ...Object.entries(WIDTHS).map(([name, width]) => [name, new Float32Array(data.kept * width)]),
-  ["change", new Float32Array(CHANGES * GENES)],
+  ...Object.entries(WIDTHS).map(([name, width]) => [name, new Float32Array(data.most * width)]),
+  ["change", new Float32Array(Math.ceil(data.most / data.weightsEvery) * GENES)],
 ]));
 const own = data.controllers.map((_, c) => ({ arrival: null, visits: [], stayed: false, isFixed: false, resets: [], begins: [0], ...store[c] }));
 const lifetimes = { [data.sides[0]]: own };
@@ -20,21 +19,18 @@ const sunChanges = true;
 /** Take the numbers of some steps; see `samples` in page.py. */
 function take(payload) {
   const [since, count, ofWeights] = new Uint32Array(payload.buffer, 0, 3), values = new Float32Array(payload.buffer, 12);
-  const isGap = since > samples, margin = 2 * data.weightsEvery;  // the weights before a sample are needed, too
-  if (isGap) first = since + margin;
   let at = 0;
   store.forEach((kept, c) => {
     for (let k = since; k < since + count; k++) {
       for (const [name, width] of Object.entries(WIDTHS)) {
-        kept[name].set(values.subarray(at, at + width), sampleAt(k) * width);
+        kept[name].set(values.subarray(at, at + width), k * width);
         if (width === 1) {
           highest[name] = Math.max(highest[name] ?? 0, values[at]);
           lowest[name] = Math.min(lowest[name] ?? 0, values[at]);
         }
         at += width;
       }
-      const [here, before] = [sampleAt(k), sampleAt(k - 1)];
-      if (k > (isGap ? since : 0) && Math.hypot(kept.x[here] - kept.x[before], kept.y[here] - kept.y[before]) > FARTHEST) own[c].resets.push(k);
+      if (k > 0 && Math.hypot(kept.x[k] - kept.x[k - 1], kept.y[k] - kept.y[k - 1]) > FARTHEST) own[c].resets.push(k);
     }
     const weights = values.subarray(at, at + ofWeights * GENES);
     for (let i = 0; i < ofWeights; i++) {
@@ -44,8 +40,7 @@ function take(payload) {
     at += ofWeights * GENES;
   });
   samples = Math.max(1, since + count);
-  oldest = Math.max(first, samples - data.kept + margin);
-  [START, END] = [oldest * data.interval, (samples - 1) * data.interval];
+  END = (samples - 1) * data.interval;
   notice(since);
   judge();
 }

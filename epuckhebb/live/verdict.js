@@ -5,7 +5,7 @@ const hasFlags = data.verdict !== null;
 let verdict = null;  // for each robot whether it was at the goal at the end of the life; null until then
 
 const goalNow = () => data.worlds.at(-1).goals[data.sides[0]];
-const isHome = (life, k) => Math.hypot(life.x[sampleAt(k)] - goalNow()[0], life.y[sampleAt(k)] - goalNow()[1]) <= maze.goalRadius;
+const isHome = (life, k) => Math.hypot(life.x[k] - goalNow()[0], life.y[k] - goalNow()[1]) <= maze.goalRadius;
 
 /** Note who is at the goal, from a sample on; tells what is new. */
 function notice(since) {

@@ -50,14 +50,13 @@ class LiveMaze extends Maze {
 
   drawStill() {
     super.drawStill();
-    this.drawnTo = Math.max(oldest, poseAt(own[this.c], shown.t).k - TRAIL);
+    this.drawnTo = Math.max(0, poseAt(own[this.c], shown.t).k - TRAIL);
   }
 
   draw() {
     const life = own[this.c], pen = this.pen, isHeld = following && (hand?.thing === "robot" || now.put);
     if (worldNumber(life, shown.t) !== this.worldDrawn) this.drawStill();
     const pose = poseAt(life, shown.t), { x, y, heading } = isHeld ? placeOf("robot") : pose;
-    this.drawnTo = Math.max(this.drawnTo, oldest);
     this.trail(pose.k);
     pen.clearRect(0, 0, this.canvases.above.width, this.canvases.above.height);
     if (this.c > 0 && !isHeld) this.drawGhost(poseAt(own[0], shown.t));
@@ -110,8 +109,8 @@ class LiveNetwork extends Network {
 /** A chart of the last two minutes, or of those around the moment that is shown. */
 class LiveChart extends Chart {
   range() {
-    const until = following ? END : Math.min(END, Math.max(shown.t + WINDOW / 2, START + WINDOW));
-    return [Math.max(START, until - WINDOW), Math.max(until, START + 1)];
+    const until = following ? END : Math.min(END, Math.max(shown.t + WINDOW / 2, WINDOW));
+    return [Math.max(0, until - WINDOW), Math.max(until, 1)];
   }
 
   resize() {
@@ -132,13 +131,12 @@ function picture(at) {
     const lag = 2 * data.interval * Math.max(1, shown.speed);  // so that the picture does not wait for the next numbers
     shown.t = runs && !hand && shown.speed ? Math.min(END, Math.max(shown.t + passed * shown.speed, END - lag)) : END;
   }
-  shown.t = Math.max(shown.t, START);  // what was looked at is not kept any more
   if (at - chartsDrawn > 300 || !runs) {
     chartsDrawn = at;
     for (const view of views) if (view instanceof Chart && inSight.has(view.figure)) view.resize();
   }
   for (const view of views) if (inSight.has(view.figure)) view.draw(at);
-  [$("time").min, $("time").max] = [START, END];
+  $("time").max = END;
   $("time").value = shown.t;
   $("clock").firstChild.textContent = `${shown.t.toFixed(1)} s`;
   $("clock").lastChild.textContent = ` · ${now.byHand} by hand`;

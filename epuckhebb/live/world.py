@@ -22,8 +22,7 @@ from epuckhebb.tmaze.robot import STEP_S
 from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.session import Session
 
-KEPT = 37_504  # steps of which samples are kept, the last ones: 20 minutes, a multiple of `page.WEIGHTS_EVERY`
-_LONGEST_S = 3600.0
+_LONGEST_S = 1200.0  # of a lifetime, unless one asks for another: all its samples are kept
 _SETTINGS = ("lifetime.duration_s", "lifetime.record_every", "repeats")  # of an evaluation; a world has its own
 _COMPARED = {  # columns of metrics.csv that tell whether a saved lifetime is the one that was seen
     "path_length_m": "path_length",
@@ -36,11 +35,12 @@ class LiveWorld:
     """Robots in a lifetime that goes on as far as it is asked to, in a world that someone changes by hand.
 
     words: settings, as on the command line. robots: one lifetime in progress for each controller, the first without
-    plasticity. kept: how many of their last samples are kept; a saved lifetime does not need them. changes: what was
-    done by hand. wishes: what will be done before the next step.
+    plasticity. changes: what was done by hand. wishes: what will be done before the next step.
 
     planned: changes by hand that are done in their time, those of another world like this one.
     """
+
+    PAGE = "play.html"
 
     def __init__(
         self, words: Sequence[str], side: str, config_dir: str | None = None, planned: Sequence[Mapping[str, Any]] = ()
@@ -60,11 +60,12 @@ class LiveWorld:
         self.controllers = [GA_ALONE, *config.controllers]
         compile_for(self.controllers, genome.network, config.world)
         self.lifetime = replace(config.lifetime, record_every=1)
-        self.kept = KEPT
         wanted = [(number, self.side, 0) for number in range(len(self.controllers))]
         nominal, plan, network = prepared.remember(1), genome.plan, genome.network
-        individuals = individuals_for(genome.genes, self.controllers, wanted, nominal, plan, network, config.seed)
-        self.robots = [Session(one, config.world, self.lifetime, most_samples=KEPT) for one in individuals]
+        individuals = individuals_for(
+            genome.genes, self.controllers, wanted, nominal, plan, network, config.seed, genome.signs
+        )
+        self.robots = [Session(one, config.world, self.lifetime) for one in individuals]
         self.changes: list[dict[str, Any]] = []
         self.wishes: dict[str, Any] = {}
         self._planned: list[Mapping[str, Any]] = []
@@ -75,6 +76,11 @@ class LiveWorld:
     def steps(self) -> int:
         """How many steps have been run."""
         return max(robot.steps for robot in self.robots)
+
+    @property
+    def shown(self) -> object:
+        """Pages are told of the world when this is another one."""
+        return self.robots[0].world
 
     @property
     def is_over(self) -> bool:

@@ -220,6 +220,13 @@ def replay_page(path: Path) -> str:
     return replay.page(flock, records, f"{path.name}: seed {study.seed}")
 
 
+def first_page() -> str:
+    """The page of the study's first flock, which runs for it."""
+    study = load(FlockStudy, [], None)
+    records = {row.name: study.records(row, 1)[0] for row in study.shown_rows}
+    return replay.page(study.conditions[0].flocks[-1], records, f"flock: seed {study.seed}")
+
+
 def _rows(keys: FlockKeys) -> list[Row]:
     rows = [Row(FROZEN, Frozen())]
     for where in _ROWS if keys.coupling == ALL else (keys.coupling,):

@@ -111,10 +111,10 @@ def decide(
                 )
     tally.weight_change_sum += tally.weight_change + tally.scaling
     if setup.record_every > 0 and step % setup.record_every == 0:
-        number = step // setup.record_every
+        place = step // setup.record_every
         time = step * STEP_S
-        record(setup.samples, number, time, at, tally, weights, activation, workspace.substeps, live_fitness, rate)
-        record_tilt(space, setup.samples.tilt, number % setup.samples.time.shape[0])
+        record(setup.samples, place, time, at, tally, weights, activation, workspace.substeps, live_fitness, rate)
+        record_tilt(space, setup.samples.tilt, place)
 
     left, right = explore(life, setup, left, right)
     return left, right
@@ -180,7 +180,7 @@ def reset_to_genes(life: Life) -> None:
 @compiled
 def record(
     samples: Samples,
-    number: int,
+    place: int,
     time: float,
     at: Pose,
     tally: Any,
@@ -190,11 +190,10 @@ def record(
     live_fitness: float,
     rate: float,
 ) -> None:
-    """Write the sample of a number; where there is no room left, it replaces the oldest one.
+    """Write the sample of a place.
 
     It takes no whole `Life`, whose type depends on the rule: so it is compiled once for all rules.
     """
-    place = number % samples.time.shape[0]
     samples.time[place] = time
     samples.pose[place, 0], samples.pose[place, 1], samples.pose[place, 2] = at.x, at.y, at.heading
     inputs, synapses = samples.sensors.shape[1], samples.weights.shape[1]

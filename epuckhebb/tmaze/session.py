@@ -46,7 +46,6 @@ class Session:
     world. samples: what is recorded, of length 0 where nothing is.
 
     simulator: shared by lifetimes that run one after the other; without it, any number of sessions may be in progress.
-    most_samples: how many are kept, the last ones; None for all. Sample n is in place n modulo this number.
     """
 
     def __init__(
@@ -56,7 +55,6 @@ class Session:
         lifetime: Lifetime | None = None,
         *,
         simulator: Simulator | None = None,
-        most_samples: int | None = None,
     ) -> None:
         self.individual, self.lifetime = individual, Lifetime() if lifetime is None else lifetime
         self._simulator = simulator = Simulator(world, self.lifetime) if simulator is None else simulator
@@ -71,7 +69,6 @@ class Session:
         self.samples = kind.no_samples
         if self._record_every:
             count = -(-self.lifetime.steps // self._record_every)
-            count = count if most_samples is None else min(count, most_samples)
             self.samples = empty_samples(count, individual.network, first.physics, len(world.phases))
         self._not_begun = {step: number for number, (step, _) in enumerate(world.phases)}
         self._history = fitness.initial_history(individual.controller.rule)

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from playwright.sync_api import Error, expect
 
-from epuckhebb.live import world as live_world
 from epuckhebb.live.server import Play
 from epuckhebb.runs import repeat
 
@@ -245,37 +244,6 @@ def test_one_looks_back_while_life_goes_on(play):
     assert state(page)["t"] == pytest.approx(3)
     page.locator("#now").click()
     wait_until(page, lambda now: now["t"] > 10)
-
-
-@pytest.fixture
-def short_memory(monkeypatch):
-    monkeypatch.setattr(live_world, "KEPT", 512)
-
-
-@pytest.mark.usefixtures("short_memory")
-def test_the_time_line_begins_with_what_is_kept(play, live):
-    early = play()
-    early.locator("#speed").select_option("32")
-    wait_until(early, lambda now: now["samples"] > 1500)
-    early.locator("#time").press("Home")  # it moves on, with what is kept
-    before = state(early)
-    assert before["START"] > 20
-    wait_until(early, lambda now: now["t"] > before["t"] + 1)
-    assert not state(early)["following"]
-    pause(early)
-    late = play()
-    for page in (early, late):
-        wait_until(page, lambda now: now["samples"] == live.world.steps)
-        for key, number in (("Home", None), ("End", live.world.steps - 1)):
-            page.locator("#time").press(key)
-            page.wait_for_timeout(100)  # it is drawn
-            now = state(page)
-            k = round(now["t"] / 0.032)
-            assert k == (number or round(now["START"] / 0.032))
-            assert live.world.steps - 512 <= k < live.world.steps
-            for shown, robot in zip(now["robots"], live.world.robots, strict=True):
-                seen = [shown["x"], shown["y"], shown["heading"]]
-                np.testing.assert_allclose(seen, robot.samples.pose[k % 512], rtol=0, atol=1e-6)
 
 
 def test_a_new_life_begins_with_another_side_and_rule(play, live):

@@ -332,6 +332,16 @@ def brightness(page):
     return np.mean([int(level) for level in re.findall(r"\d+", colour)])
 
 
+@pytest.mark.parametrize("width", [1280, 320])
+def test_a_preview_shows_robots_and_time_alone(run, visit, width):
+    page = visit(run, "#preview", viewport={"width": width, "height": 480})
+    assert page.evaluate("document.documentElement.scrollWidth") == width
+    expect(page.locator("#mazes figure")).to_have_count(2)
+    expect(page.locator("#play")).to_be_visible()
+    for hidden in ("h1", "#networks", "#charts"):
+        expect(page.locator(hidden)).to_be_hidden()
+
+
 def test_a_spiking_network_shows_its_spikes_until_now(tmp_path, visit):
     network = Network((16, *LIF().sizes), wiring=LIF())
     genes = np.random.default_rng(5).uniform(-0.4, 1, network.synapses)
