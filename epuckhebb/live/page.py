@@ -16,7 +16,7 @@ from epuckhebb.config import NONE, PAPER, part_class
 from epuckhebb.live.flock import LiveFlock
 from epuckhebb.live.world import LiveWorld
 from epuckhebb.runs import check_rules
-from epuckhebb.runtime import REFERENCE, ConfigError, conf, data_folder
+from epuckhebb.runtime import REFERENCE, conf, data_folder
 from epuckhebb.tmaze.changes import MOST_BLOCKS
 from epuckhebb.tmaze.robot import STEP_S
 
@@ -79,7 +79,7 @@ def _rules(world: LiveWorld) -> dict[str, str]:
     texts, genome, runnable = conf.rows("hebbian"), world.genome, [NONE]
     for name, row in conf.table("hebbian").items():
         if (rule := row.get("rule", PAPER)) != NONE:
-            with suppress(ConfigError):
+            with suppress(ValueError):  # of a genome without its genes, or of a network without layers
                 check_rules(genome, genome.network, [(name, part_class("rule", rule, "hebbian")())])
                 runnable.append(name)
     return {name: texts[name] for name in runnable}
