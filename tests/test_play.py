@@ -381,7 +381,7 @@ def test_a_flock_drives_as_that_of_a_study_until_somebody_moves_a_robot():
     for values in ({"broken": 8}, {"broken": 10}, {"put": [0, math.nan, 0]}, {"coupling": "loud"}, {"put": 3}):
         with pytest.raises((ValueError, TypeError)):
             flock.wish(values)
-    assert (flock.state()["broken"], flock.changes) == (9, 2)
+    assert (flock.state()["broken"], flock.state()["coupling"]) == (9, "live_fitness")
 
 
 def test_from_python(here):

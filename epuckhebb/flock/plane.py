@@ -6,7 +6,7 @@ After a while one robot breaks: its heading becomes noisier, and it no longer kn
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from typing import NamedTuple
@@ -184,10 +184,11 @@ class FlockRun:
     def __init__(self, flock: Flock, seed: int) -> None:
         self.flock, self.done, self.broken, count = flock, 0, -1, flock.robots
         drawn, self._mixing = rng(seed, Stream.flock, 0), rng(seed, Stream.flock, 1)
-        self._space = PymunkSpace(np.zeros((0, 4)), EPUCK, count=count)
+        self.space = PymunkSpace(np.zeros((0, 4)), EPUCK, count=count)
         headings = drawn.uniform(-math.pi, math.pi, count).tolist()
-        self.place([place._replace(heading=heading) for place, heading in zip(flock.places, headings, strict=True)])
-        self.motion = self._space.handles.state[: MOTION * count].reshape(count, MOTION)
+        places = (place._replace(heading=heading) for place, heading in zip(flock.places, headings, strict=True))
+        self.space.place_robot(*places)
+        self.motion = self.space.handles.state[: MOTION * count].reshape(count, MOTION)
         keys = np.array([key(seed, Stream.flock, 2, robot) for robot in range(count)], np.uint64)
         knows = (np.arange(count) < flock.knowers).astype(float)
         self._band = _Band(
@@ -198,17 +199,13 @@ class FlockRun:
         self._turns, self.path = np.zeros((WINDOW, count)), np.zeros((-(-flock.decisions // RECORD), count, 3))
         self.least = np.full(1, math.inf)
 
-    def place(self, poses: Sequence[Pose]) -> None:
-        """Put all robots at these poses, at rest."""
-        self._space.place_robot(*poses)
-
     def break_robot(self, robot: int) -> None:
         """Break a robot, for good: it is louder, and no longer knows the way."""
         self.broken, self._band.loud[robot], self._band.knows[robot] = robot, self.flock.loudness, 0.0
 
     def advance(self, until: int, coupling: Coupling, *, other: bool = False) -> None:
         """Drive until before a decision; `run` has the arguments, and the errors."""
-        flock, band, space = self.flock, self._band, self._space.handles
+        flock, band, space = self.flock, self._band, self.space.handles
         noise, sight = float(flock.noise), float(flock.range_m)
         while (first := self.done) < until:
             self.done = min(until, (first // PERIOD + 1) * PERIOD)

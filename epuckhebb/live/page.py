@@ -16,7 +16,7 @@ from epuckhebb.config import NONE, PAPER, part_class
 from epuckhebb.live.flock import LiveFlock
 from epuckhebb.live.world import LiveWorld
 from epuckhebb.runs import check_rules
-from epuckhebb.runtime import REFERENCE, ConfigError, conf, data_folder
+from epuckhebb.runtime import REFERENCE, conf, data_folder
 from epuckhebb.tmaze.changes import MOST_BLOCKS
 from epuckhebb.tmaze.robot import STEP_S
 
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 WORLD, SAMPLES = range(2)  # kinds of frames
 SPEEDS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 0.0)  # times real time; 0: as fast as it goes
 WEIGHTS_EVERY = 8  # steps; sensors, motors and poses are sent of every step
+_SENT = ("pose", "sensors", "activations", "motors", "fitness", "change_signal", "rate", "weight_change")
 _MOST = 2048  # steps in a frame; who is behind gets more frames
 _FRAMES = "http://localhost:* http://127.0.0.1:*"  # where the page may be in a frame: a notebook of this machine
 
@@ -78,7 +79,7 @@ def _rules(world: LiveWorld) -> dict[str, str]:
     texts, genome, runnable = conf.rows("hebbian"), world.genome, [NONE]
     for name, row in conf.table("hebbian").items():
         if (rule := row.get("rule", PAPER)) != NONE:
-            with suppress(ConfigError):
+            with suppress(ValueError):  # of a genome without its genes, or of a network without layers
                 check_rules(genome, genome.network, [(name, part_class("rule", rule, "hebbian")())])
                 runnable.append(name)
     return {name: texts[name] for name in runnable}
@@ -120,28 +121,19 @@ def samples(world: LiveWorld, since: int) -> tuple[bytes, int]:
     """What was recorded of all robots from a step on; and up to which step.
 
     Three whole numbers come first: the first step, how many, and how many samples of weights. Then, for each robot,
-    the rows of 32-bit numbers (pose, inputs, activations of a wiring, motors, fitness, change signal, rate, weight
-    change) and the rows of the weights, as their change since the start of the lifetime.
+    the rows of 32-bit numbers (`_SENT`) and the rows of the weights, as their change since the start of the lifetime.
     """
     until = min(world.steps, since + _MOST)
     first = -(-since // WEIGHTS_EVERY) * WEIGHTS_EVERY
     steps = np.arange(since, until)
     parts = [struct.pack("<III", since, until - since, len(range(first, until, WEIGHTS_EVERY)))]
     for robot in world.robots:
-        recorded = robot.samples
         some = np.minimum(steps, robot.steps - 1)
-        columns = (
-            recorded.pose[some],
-            recorded.sensors[some],
-            recorded.activations[some],
-            recorded.motors[some],
-            recorded.fitness[some, None],
-            np.nan_to_num(recorded.change_signal[some, None]),
-            recorded.rate[some, None],
-            recorded.weight_change[some, None],
-        )
+        columns = [np.nan_to_num(getattr(robot.samples, name)[some]).reshape(len(some), -1) for name in _SENT]
         parts.append(np.concatenate(columns, axis=1, dtype="<f4", casting="same_kind").tobytes())
-        change = recorded.weights[some[first - since :: WEIGHTS_EVERY]] - robot.life.genotype.weights.astype(np.float32)
+        change = robot.samples.weights[some[first - since :: WEIGHTS_EVERY]] - robot.life.genotype.weights.astype(
+            np.float32
+        )
         parts.append(change.astype("<f4", copy=False).tobytes())
     return b"".join(parts), until
 

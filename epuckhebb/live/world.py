@@ -24,11 +24,6 @@ from epuckhebb.tmaze.session import Session
 
 _LONGEST_S = 1200.0  # of a lifetime, unless one asks for another: all its samples are kept
 _SETTINGS = ("lifetime.duration_s", "lifetime.record_every", "repeats")  # of an evaluation; a world has its own
-_COMPARED = {  # columns of metrics.csv that tell whether a saved lifetime is the one that was seen
-    "path_length_m": "path_length",
-    "weight_change_mean": "weight_change_mean",
-    "fitness": "fitness",
-}
 
 
 class LiveWorld:
@@ -153,9 +148,6 @@ class LiveWorld:
         facts = {"command_line": ["epuckhebb", "play", *self.words, *more]}
         evaluate_into(run, config, words, facts, threads=1)
         metrics = Run(run).table("metrics.csv").query("side == @self.side").set_index("controller")
-        same = all(
-            float(metrics[column][controller.name]) == float(getattr(robot.outcome(), name))
-            for controller, robot in zip(self.controllers, self.robots, strict=True)
-            for column, name in _COMPARED.items()
-        )
+        seen = {one.name: robot.outcome().fitness for one, robot in zip(self.controllers, self.robots, strict=True)}
+        same = seen == metrics.fitness.to_dict()  # the mean over all steps, of all that robots sense and do
         return {"run": str(run), "same": same, "command": shlex.join(["epuckhebb", "evaluate", *words, *more])}
