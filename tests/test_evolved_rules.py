@@ -9,10 +9,12 @@ import pytest
 from cases import done, first_of, refused
 
 import epuckhebb
+from epuckhebb.analysis.evaluate import individuals_for
 from epuckhebb.controller import random
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.genotype import Genotype
 from epuckhebb.controller.network import PAPER_NETWORK, Network, by_layer
+from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, coefficients, modulatory_weights, schedule_of
 from epuckhebb.controller.plasticity.rules.abcd import ABCD
 from epuckhebb.controller.plasticity.rules.abcd_neuron import ABCDNeuron
@@ -21,6 +23,7 @@ from epuckhebb.controller.plasticity.rules.baldwin_n import BaldwinN
 from epuckhebb.controller.plasticity.rules.discrete import Discrete
 from epuckhebb.controller.plasticity.rules.modulated import Modulated
 from epuckhebb.controller.plasticity.rules.online import Online
+from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.controller.plasticity.update import StepContext, initial_lengths, modulation_of, update_of
 from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.optimizer import initial
@@ -243,6 +246,19 @@ def test_a_champion_keeps_what_its_rule_evolved(champions, monkeypatch, tmp_path
 
 @pytest.mark.thorough
 @pytest.mark.usefixtures("here")
+def test_a_champion_keeps_the_shuffled_signs_with_which_it_evolved(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    words = ["hebbian=baldwin", "hebbian.sign=shuffled"]
+    done("evolve", *words, *TINY, "optimizer.generations=1", "seed=5", "threads=1", "hydra.run.dir=evolved")
+    genome, other = load_genome("evolved", ""), load_genome("reference", "light")
+    controllers, left = [Controller("own", Paper(N=0.1, sign=Sign.shuffled))], [(0, "left", 0)]
+    rest = (None, genome.plan, genome.network, 1)
+    (own,) = individuals_for(genome.genes, controllers, left, *rest, genome.signs)
+    np.testing.assert_array_equal(own.signs, random.rng(5, random.Stream.shuffled_signs).choice([-1.0, 1.0], 234))
+    (drawn,) = individuals_for(genome.genes, controllers, left, *rest, other.signs)
+    assert (own.signs != drawn.signs).any()
+
+
 def test_a_rule_evolves_for_a_given_champion(champions):
     own = [f"genome={champions / 'modulated'}", "hebbian=abcd_shared", *TINY]
     done("evolve", *own, "optimizer.generations=1", "hydra.run.dir=run")

@@ -92,6 +92,7 @@ evaluate compare.a={{adaptation:{{threshold:1}}}}       | compare.a | threshold
 evolve optimizer=sep_cma_es ga.population=20            | ga.population
 evolve optimizer=sep_cma_es ga=as_coded                 | optimizer.population
 evolve optimizer.algorithm=sep_cma_es                   | optimizer=ga
+evolve optimizer=sep_cma_es ga.generations=2           | optimizer=ga
 evolve optimizer.population=20                          | optimizer.population
 evolve hebbian=paper genome=reference                   | nothing would be evolved
 evolve hebbian=carried                                  | hebbian.carries_history

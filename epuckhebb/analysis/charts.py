@@ -121,7 +121,7 @@ def rescue_and_harm(over_all: pd.DataFrame) -> Figure:
     panels = figure.subplots(1, len(groups), squeeze=False, sharex=True, sharey=True)[0]
     for axes, (experiment, own) in zip(panels, groups, strict=True):
         x, y = own.harmed_share.to_numpy(), own.rescued_share.to_numpy()
-        look = {"fmt": "none", "elinewidth": 1.0, "capsize": 0, "alpha": 0.6}
+        look = {"fmt": "none", "elinewidth": 1.2, "capsize": 0, "alpha": 0.8}
         for what, way in (("harmed", "xerr"), ("rescued", "yerr")):
             away = np.abs(own[[f"{what}_low", f"{what}_high"]].to_numpy().T - own[f"{what}_share"].to_numpy())
             axes.errorbar(x, y, **{way: away}, ecolor=EFFECT[what], **look)

@@ -16,7 +16,7 @@ from epuckhebb.adaptation.nominal import Nominal
 from epuckhebb.controller import random
 from epuckhebb.controller.genome import GenomePlan, plan_of
 from epuckhebb.controller.network import PAPER_NETWORK, Network
-from epuckhebb.controller.plasticity.control import signs
+from epuckhebb.controller.plasticity.control import Sign, signs
 from epuckhebb.controller.random import Stream
 from epuckhebb.tmaze.batch import run_lifetimes
 from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
@@ -76,12 +76,14 @@ def evaluate(
     changed: str = "",
     network: Network = PAPER_NETWORK,
     plan: GenomePlan | None = None,
+    evolved_signs: NDArray[np.float64] | None = None,
 ) -> tuple[Rows, Traces]:
     """Run `repeats` lifetimes a side without plasticity, and as many with each of `controllers`.
 
     genes: (genes,). nominal: statistics of the training world, for adaptations that compare with them. name, changed:
     values of the columns `genome` and `changed`. network: of these genes. plan: the parts of the genes, weights alone
-    unless given; each controller takes the parts of its rule. Returns one row a lifetime, with the columns `COLUMNS`
+    unless given; each controller takes the parts of its rule. evolved_signs: shuffled signs of updates with which the
+    genome was evolved; without them, a control draws its own. Returns one row a lifetime, with the columns `COLUMNS`
     (and `REWARDED`, where a lifetime is many trials), and the traces of the first repeat (empty if
     `lifetime.record_every` is 0).
 
@@ -96,7 +98,8 @@ def evaluate(
     wanted: list[tuple[int, Side, int]] = [
         (number, side, repeat) for number in range(len(everyone)) for side in SIDES for repeat in range(repeats)
     ]
-    individuals = individuals_for(genes, everyone, wanted, nominal, plan or plan_of(network), network, seed)
+    plan = plan or plan_of(network)
+    individuals = individuals_for(genes, everyone, wanted, nominal, plan, network, seed, evolved_signs)
     outcomes = run_lifetimes(individuals, scenario, lifetime, threads)
     rows = [
         {
@@ -140,12 +143,15 @@ def individuals_for(
     plan: GenomePlan,
     network: Network,
     seed: int,
+    evolved_signs: NDArray[np.float64] | None,
 ) -> list[Individual]:
     """The individuals of an evaluation, one for each wanted number of a controller, side and repeat."""
     taken = [plan.pick(genes, plan_of(network, type(controller.rule))) for controller in controllers]
     place = zlib.crc32(taken[0].tobytes())
     of_updates = [
-        signs(controller.rule.sign, network.synapses, random.rng(seed, Stream.shuffled_signs, place))
+        evolved_signs
+        if evolved_signs is not None and controller.rule.sign is Sign.shuffled
+        else signs(controller.rule.sign, network.synapses, random.rng(seed, Stream.shuffled_signs, place))
         for controller in controllers
     ]
 

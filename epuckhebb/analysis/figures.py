@@ -36,6 +36,7 @@ _SIGNS = "● start    ○ the robot at the end    ◌ goal    ★ lamp    grey:
 _PANEL = 4.2  # inches
 _SQUARES, _THICK = 400, 0.06  # of a grid a side; m of a wall that are shown
 _DIM, _SUNNY = (np.array(to_rgb(name)) for name in ("#d5dae3", "#fff3c4"))  # floor in no and in full light
+OUTLINE = withStroke(linewidth=2, foreground="white")  # of letters
 _T = TypeVar("_T")
 
 
@@ -51,7 +52,7 @@ def trajectories(traces: Traces, scenario: Scenario, title: str) -> Figure:
                 _draw_path(axes, samples, scenario, "left" if side == "left" else "right")
         axes.set_title(plain(controller_title(controller)), fontsize=11)
         axes.legend(ncols=2, fontsize=8.5, loc="upper center", bbox_to_anchor=(0.5, -0.13))
-    figure.suptitle(plain(title), fontsize=9.5)
+    figure.suptitle(textwrap.fill(plain(title), 54 * len(controllers)))
     return figure
 
 
@@ -178,4 +179,4 @@ def _draw_path(axes: Axes, samples: Samples, scenario: Scenario, side: Side) -> 
             x, y = (float(np.interp(since, time, pose[:, axis])) for axis in (0, 1))
             axes.plot(x, y, marker="D", markersize=5.5, color=SIDE[side], markeredgecolor="white", zorder=3)
             mark = axes.annotate(str(number), (x, y), offset, textcoords="offset points", fontsize=8, ha=ha, zorder=4)
-            mark.set_path_effects([withStroke(linewidth=2, foreground="white")])
+            mark.set_path_effects([OUTLINE])

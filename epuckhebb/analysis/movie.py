@@ -2,6 +2,7 @@
 
 import io
 import itertools
+import textwrap
 from collections.abc import Iterator
 from typing import Any
 
@@ -15,7 +16,7 @@ from PIL import Image
 
 from epuckhebb.analysis.charts import INK, SIDE
 from epuckhebb.analysis.evaluate import Traces
-from epuckhebb.analysis.figures import LAMP, OBSTACLE, WALL, controller_title, draw_maze, floor_colour, view
+from epuckhebb.analysis.figures import LAMP, OBSTACLE, OUTLINE, WALL, controller_title, draw_maze, floor_colour, view
 from epuckhebb.analysis.image import in_house_style, plain
 from epuckhebb.analysis.moments import arrival, timed_change_text, with_gaps
 from epuckhebb.tmaze.robot import STEP_S
@@ -58,7 +59,7 @@ def _frames(traces: Traces, scenario: Scenario, title: str) -> Iterator[Image.Im
     radius, time = scenario.robot.radius_m, traces.samples.time[0]
     for controller, axes in panels.items():
         axes.set_title(plain(controller_title(controller)), fontsize=12)
-    figure.suptitle(plain(title), fontsize=8)
+    figure.suptitle(textwrap.fill(plain(title), 48 * len(controllers)), fontsize=8)
     clock = figure.supxlabel("0 s", fontsize=12, animated=True)
     moving: list[tuple[Any, ...]] = []
     for number, (controller, side) in enumerate(zip(traces.controller, traces.side, strict=True)):
@@ -70,9 +71,9 @@ def _frames(traces: Traces, scenario: Scenario, title: str) -> Iterator[Image.Im
         stayed = arrival(samples, scenario, "left" if side == "left" else "right").stayed
         ends_left = samples.pose[-1, 0] < (left + right) / 2
         x, look["ha"] = (left + 0.05, "left") if ends_left else (right - 0.05, "right")
-        y = samples.pose[-1, 1] - (5.0 if side == "left" else 6.4) * radius
+        y = samples.pose[-1, 1] - (5.0 if side == "left" else 7.0) * radius
         text = "" if scenario.task.has_trials else f"{side} {'✓' if stayed else '✗'}"
-        verdict = axes.text(x, y, text, fontsize=14, weight="bold", **look)
+        verdict = axes.text(x, y, text, fontsize=14, weight="bold", path_effects=[OUTLINE], **look)
         moving.append((trail, body, nose, verdict, with_gaps(time, samples.pose, scenario)))
     phases = [(step * STEP_S, world) for step, world in scenario.phases]
     shown, drawn, still = -1, list[Artist](), None

@@ -30,6 +30,7 @@ def explain(error: BaseException) -> str:
         message = f"{keys[0]}: {message}"
     message = re.sub("Interpolation key '(.+)' not found", r"it refers to \1, which is missing", message)
     message = re.sub(r"Key '(\w+)\.(\S+)' not in .*", r"in YAML, \1.\2 is written \1: {\2: ...}", message)
+    message = message.replace("Unexpected type for root: NoneType", "keys of ga are those of optimizer=ga alone")
     launcher = re.search(rf"'hydra/launcher/({'|'.join(_EXTRAS)})(_\w+)?'", message)
     if launcher:
         message = message.removesuffix(".")

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.errors import explained
 from epuckhebb.controller.compiling.kernel import SameTypes, kernel
-from epuckhebb.controller.forward_pass import forward_pass, no_substeps
+from epuckhebb.controller.forward_pass import forward_pass
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.genotype import Genotype, genotype_of
 from epuckhebb.controller.network import PAPER_NETWORK, Network
@@ -80,8 +80,7 @@ def _step(
     forward(weights, activation, scratch.drive, state.neurons, scratch.substeps)
     for k in range(SUBSTEPS):
         number = step * SUBSTEPS + k
-        seen = scratch.substeps[k] if SUBSTEPS > 1 else activation
-        read = average(state.recent, seen, number, scratch.mean)
+        read = average(state.recent, scratch.substeps[k] if SUBSTEPS > 1 else activation, number, scratch.mean)
         if HAS_RULE and rate > 0.0 and is_due(number, numbers):
             now = effective_rate(rate, 1.0, fitness, floor) * modulate(state.genotype.modulatory, read)
             context = StepContext(fitness, key, number, step_s / SUBSTEPS)
@@ -138,7 +137,7 @@ class Controller:
         self._kernel = _kernel_of(type(rule), network, schedule_of(rule))
         self._scratch = _Scratch(
             np.empty(network.neurons),
-            no_substeps(network),
+            np.empty((network.substeps, network.neurons)),
             np.empty((3, network.synapses)),
             np.empty(weight_change_workspace(network)),
             np.empty(network.neurons),

@@ -189,6 +189,11 @@ def evolved_plan(network: Network, rule: Rule, *, given: bool = False) -> Genome
     return evolved
 
 
+def training_signs(rule: Rule, network: Network, seed: int) -> Floats:
+    """The signs of updates in an evolution, (synapses,); shuffled ones are the same for all individuals."""
+    return signs(rule.sign, network.synapses, random.rng(seed, Stream.shuffled_signs))
+
+
 class _Evaluator(NamedTuple):
     """Runs the lifetimes of individuals and measures their fitness."""
 
@@ -254,9 +259,7 @@ class _Evaluator(NamedTuple):
 
     def _individuals(self, population: Floats, generation: int, loops: list[int], world: World) -> Iterator[Individual]:
         """The individuals of these loops of a generation, which share one world: each genome, on either side."""
-        of_updates = signs(
-            self.controller.rule.sign, self.network.synapses, random.rng(self.seed, Stream.shuffled_signs)
-        )
+        of_updates = training_signs(self.controller.rule, self.network, self.seed)
         noise = max(self.optimizer.start_noise, world.start_noise)
         task_keys = {loop: int(random.key(self.seed, Stream.training_task, generation, loop)) for loop in loops}
         for individual, genes in enumerate(population):

@@ -106,6 +106,7 @@ class PreparedEvaluation:
             changed=config.changed or "",
             network=genome.network,
             plan=genome.plan,
+            evolved_signs=genome.signs,
         )
 
     @property

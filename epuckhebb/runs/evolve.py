@@ -31,8 +31,9 @@ from epuckhebb.config import (
 from epuckhebb.controller.genome import GenomePlan, plan_of
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import PartError, name_of
+from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.plasticity.rule import NoRule
-from epuckhebb.evolution.evolve import Generation, evolve, with_given
+from epuckhebb.evolution.evolve import Generation, evolve, training_signs, with_given
 from epuckhebb.evolution.optimizer import limits
 from epuckhebb.evolution.search import Results, Search, check_start
 from epuckhebb.runs import hydra
@@ -157,6 +158,7 @@ class PreparedEvolution:
             sensors=reading_names(config.world.robot.sensors),
             physics="" if config.world.physics.name == PYMUNK.name else config.world.physics.name,
             start=self.start_text,
+            signs=training_signs(rule, self.network, config.seed) if rule.sign is Sign.shuffled else None,
             nominal=nominal,
         )
         return champion_file(genome, last.champion_fitness, config.seed, last.number)

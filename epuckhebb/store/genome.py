@@ -49,6 +49,7 @@ class Genome:
         physics: The name of the physics in which it was evolved, if it is not that of the plane.
         start: The champion at whose genes its evolution began, and the SHA-256 of these; "" for random genes.
         environment: The name of the environment in which it was evolved, if that is not the maze.
+        signs: Of the updates of its rule, (synapses,), if they were shuffled in its evolution.
         nominal: Statistics of the champion in its training world.
     """
 
@@ -69,6 +70,7 @@ class Genome:
     physics: str = ""
     start: str = ""
     environment: str = ""
+    signs: NDArray[np.float64] | None = None
     nominal: Nominal | None = None
 
     @property
@@ -161,6 +163,8 @@ def champion_file(genome: Genome, fitness: float, seed: int, generation: int) ->
     if genome.network.wiring is not None:
         settings = json.dumps(asdict(genome.network.wiring), default=str)
         arrays |= {**wiring_arrays(genome.network), "wiring_settings": np.str_(settings)}
+    if genome.signs is not None:
+        arrays["signs"] = genome.signs
     if genome.nominal is not None:
         arrays |= {_NOMINAL + key: np.asarray(value) for key, value in asdict(genome.nominal).items()}
     return as_npz(arrays)
@@ -212,6 +216,7 @@ def _read_genome(path: Path, name: str, shape: tuple[int, ...] | Wiring | None) 
             network=network,
             lights=int(arrays.get("lights", EPUCK.light.count)),
             plan=plan,
+            signs=arrays.get("signs"),
             nominal=Nominal(**known) if known else None,
             **{fact: str(arrays[fact]) for fact in _TEXTS if fact in arrays},
         )

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.forward_pass import no_substeps
 from epuckhebb.controller.genotype import Genotype
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.weight_change import weight_change_workspace
@@ -119,7 +118,7 @@ def workspace_for(network: Network, robot: Robot, physics: Physics = PYMUNK) -> 
         senses=sense_workspace(robot, physics),
         noise=np.zeros(noise_workspace_size(robot.inputs)),
         drive=np.empty(network.neurons),
-        substeps=no_substeps(network),
+        substeps=np.empty((network.substeps, network.neurons)),
         synapses=np.empty((3, network.synapses)),
         change=np.empty(weight_change_workspace(network)),
         mean=np.empty(network.neurons),

@@ -3,9 +3,7 @@
     a' = a e^(-step / trace_time) + x                of both neurons; x: 1 at a spike, else 0
     D  = eta (A a_j' a_i' + B a_j' + C a_i' + D0)    eta, A, B, C, D0 of each synapse
 
-An activation between -1 and 1, such as a sensor reading, counts as so much of a spike in each substep.
-
-Source: FireFly-P, arXiv 2601.21222, for the four terms of traces; the rest is as in `abcd`.
+Source: FireFly-P, arXiv 2601.21222, for the four terms of traces; the rest is as in `abcd`, and in `stdp`.
 """
 
 from dataclasses import dataclass
