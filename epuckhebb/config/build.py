@@ -53,11 +53,6 @@ def optimizer_from(settings: Mapping[str, Any], ga: Algorithm | None) -> Algorit
     return part_from("optimizer", settings, "optimizer") if ga is None else ga
 
 
-def controller_from(hebbian: Mapping[str, Any], adaptation: Adaptation, key: str = "hebbian") -> Controller:
-    """The controller of a run: its rule and its adaptation, by the paper's name if the rule is the paper's."""
-    return controller_of(rule_from(hebbian, key), adaptation, hebbian.get("name") or "")
-
-
 def with_signal(adaptation: Adaptation, key: str = "adaptation") -> Adaptation:
     """An adaptation whose signal of change is a class if it is the user's, FILE.py:NAME."""
     if ":" not in str(adaptation.change_signal):
@@ -65,14 +60,14 @@ def with_signal(adaptation: Adaptation, key: str = "adaptation") -> Adaptation:
     return replace(adaptation, change_signal=part_class("change signal", adaptation.change_signal, key))
 
 
-def controller_of(rule: Rule, adaptation: Adaptation, called: str = "") -> Controller:
+def controller_of(rule: Rule, adaptation: Adaptation, called: str | None = None) -> Controller:
     """The controller of a rule and an adaptation. called: the name of the rule; its class unless given."""
     control = "" if rule.sign is Sign.hebbian else f" ({rule.sign.name})"
     if adaptation.acts:
         name = f"{adaptation.name}{control}"
     elif isinstance(rule, NoRule):
         name = GA
-    elif called in (PAPER, "") and isinstance(rule, Paper):
+    elif called in (PAPER, "", None) and isinstance(rule, Paper):
         name = CONTROLS[rule.sign]
     else:
         name = f"{called or type(rule).__name__.lower()}{control}"

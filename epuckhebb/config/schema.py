@@ -108,6 +108,7 @@ class WorldConfig(Checked):
 
     change: the changes of the world by name, each with the maze and the physics that it brings. world: the scenario,
     with its maze and robot. shape: of the network; None if it was left open. wiring: the network's, if it has one.
+    rule: of plasticity.
     """
 
     parallel: ClassVar[str] = "threads"  # the key that says how much runs at a time
@@ -136,6 +137,7 @@ class WorldConfig(Checked):
         if self.shape is not None:
             build.network_for(self.world, self.shape)
         self.world.check_lifetime(self.lifetime)
+        self.rule = build.rule_from(self.hebbian, "hebbian")
 
 
 @dataclass(kw_only=True)
@@ -156,7 +158,7 @@ class EvaluateConfig(WorldConfig):
         """Validate the settings."""
         super().__post_init__()
         self.adaptation = build.with_signal(self.adaptation)
-        main = build.controller_from(self.hebbian, self.adaptation)
+        main = build.controller_of(self.rule, self.adaptation, self.hebbian.get("name"))
         given = build.with_controls(main, self.world.task)
         others = [build.compared(name, settings, self.scenario.paper_N) for name, settings in self.compare.items()]
         self.controllers = [*given, *(other for other in others if other != main)]
@@ -190,24 +192,24 @@ class EvolveConfig(WorldConfig):
         super().__post_init__()
         if self.scenario.hand is not None:
             raise ValueError(f"scenario.hand={self.scenario.hand} is for `epuckhebb evaluate`; evolve takes changes")
-        self.controller = build.controller_from(self.hebbian, Adaptation())
+        self.controller = build.controller_of(self.rule, Adaptation(), self.hebbian.get("name"))
         self.controller.check(self.world, self.lifetime.duration_s, self.wiring)
-        if self.controller.rule.carries_history:
+        if self.rule.carries_history:
             raise ValueError("hebbian.carries_history=true is for evaluate: in evolution no lifetime follows another")
         self.algorithm = build.optimizer_from(self.optimizer, self.ga)
         self.schedule = self.algorithm.schedule(self.training, self.lifetime)
         self.training.check(self.world, self.lifetime, self.schedule.loops)
-        rule, inherits = self.controller.rule, type(self.algorithm).inherit is not Algorithm.inherit
-        evolves = rule.initial_weights is InitialWeights.evolved and self.genome is None
+        inherits = type(self.algorithm).inherit is not Algorithm.inherit
+        evolves = self.rule.initial_weights is InitialWeights.evolved and self.genome is None
         for name, fits in (("lamarckian", evolves and inherits), ("rule_off", evolves)):
-            if getattr(self.training, name) and (isinstance(rule, NoRule) or not fits):
+            if getattr(self.training, name) and (isinstance(self.rule, NoRule) or not fits):
                 raise ValueError(
                     f"training.{name}=true needs a plasticity rule whose initial weights evolve, as hebbian=baldwin, "
                     f"no genome, and for lamarckian optimizer=ga; got hebbian.rule={self.hebbian.get('rule')}, "
                     f"genome={self.genome}, optimizer={self.algorithm.name}"
                 )
         network = build.network_for(self.world, self.shape)
-        self.plan = evolved_plan(network, self.controller.rule, given=self.genome is not None)
+        self.plan = evolved_plan(network, self.rule, given=self.genome is not None)
         self.algorithm.check(self.plan)
 
 

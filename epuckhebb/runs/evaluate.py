@@ -3,8 +3,8 @@
 import copy
 import functools
 import json
-from collections.abc import Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -120,7 +120,7 @@ class PreparedEvaluation:
 
     def write(self, run: RunFolder, nominal: Nominal | None, threads: int) -> None:
         """Run the lifetimes, and write their tables, their traces, and last their figures."""
-        config, genome, kind = self.config, self.genome, self.config.figures.value
+        config, genome = self.config, self.genome
         if config.scenario.hand is not None:
             run.write(hand.NAME, hand.content(config.scenario.hand))
         metrics, traces = self.run(nominal, threads)
@@ -135,13 +135,7 @@ class PreparedEvaluation:
             run.write("reversal_trials.csv", trials)
             run.write("reversal.csv", shares)
             run.write("reversal.md", reversal.readable(shares).markdown())
-            if kind != "none":
-                from epuckhebb.analysis.image import image
-                from epuckhebb.runs import figures
-
-                run.write(
-                    f"figures/reversal.{kind}", image(figures.reversal(config, genome.name, shares, trials), kind)
-                )
+            write_figure(run, "reversal", config, genome.name, shares, trials)
         else:
             run.write("metrics.csv", metrics)
             table, below = tables.paper_table(metrics), [*map(tables.plain, self.notes), tables.saturation(metrics)]
@@ -149,12 +143,7 @@ class PreparedEvaluation:
             run.write("table.md", "\n".join([tables.to_markdown(table), *(f"{note}\n" for note in below if note)]))
         if config.lifetime.record_every:
             run.write("traces.npz", as_npz(traces_arrays(traces, genome.weights, genome.network)))
-            if kind != "none":
-                from epuckhebb.analysis.figures import trajectories
-                from epuckhebb.analysis.image import image
-
-                drawn = trajectories(traces, config.world, caption(config, genome.name))
-                run.write(f"figures/trajectories.{kind}", image(drawn, kind))
+            write_figure(run, "trajectories", config, genome.name, traces)
 
     @property
     def lifetime_ids(self) -> dict[str, str]:
@@ -243,10 +232,9 @@ def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:
     named = [word for word in words if word.startswith("genome=")]
     if not named or any(word.startswith("environment=") for word in words):
         return words
-    environments = {str(settings["environment"]["name"]) for settings in map(_environment_of, named[-1:]) if settings}
-    if environments:
-        return [*words, f"environment={environments.pop()}"]
     (words_of,) = alternatives(named[-1:]).values()
+    if evolution := environment_of_run(value_of(words_of[0])):
+        return [*words, f"environment={evolution['environment']['name']}"]
     genomes: list[Genome] = []
     for word in words_of:
         with suppress(ConfigError):  # one that cannot be read is reported later
@@ -266,20 +254,32 @@ def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:
     return [*words, f"network.wiring={wiring}", *typed_as(own)]
 
 
-def _environment_of(word: str) -> dict[str, Any]:
-    (words,) = alternatives([word]).values()
-    return environment_of_run(value_of(words[0]))
+@contextmanager
+def compiling() -> Iterator[None]:
+    """Time in which kernels are loaded or compiled; what cannot be compiled is a ConfigError."""
+    try:
+        with saying_if_slow("Compiling; a first start takes some ten seconds, later ones do not."):
+            yield
+    except ValueError as error:  # a NotCompiledError among them
+        raise ConfigError(str(error)) from error
 
 
 def compile_for(controllers: Sequence[Controller], network: Network, world: Scenario) -> None:
     """Load or compile what lifetimes with these controllers need."""
-    try:
-        with saying_if_slow("Compiling; a first start takes some ten seconds, later ones do not."):
-            for controller in controllers or [GA_ALONE]:
-                with suppress(LostRobotError):  # one step of a network of zeros says nothing about a genome
-                    load_kernel(controller, network, world)
-    except ValueError as error:  # a NotCompiledError among them
-        raise ConfigError(str(error)) from error
+    with compiling():
+        for controller in controllers or [GA_ALONE]:
+            with suppress(LostRobotError):  # one step of a network of zeros says nothing about a genome
+                load_kernel(controller, network, world)
+
+
+def write_figure(run: RunFolder, name: str, config: Any, *given: Any) -> None:
+    """Write a figure of a run, unless its settings have none. name: of a function of `runs.figures`, for `given`."""
+    kind = config.figures.value
+    if kind != "none":
+        from epuckhebb.analysis.image import image
+        from epuckhebb.runs import figures  # matplotlib takes a while to load
+
+        run.write(f"figures/{name}.{kind}", image(vars(figures)[name](config, *given), kind))
 
 
 def evaluate_into(path: Path, config: Checked, overrides: list[str], facts: dict[str, Any], *, threads: int) -> None:
@@ -302,15 +302,3 @@ def evaluate_into(path: Path, config: Checked, overrides: list[str], facts: dict
     nominal = prepared.remember(threads)
     with RunFolder.new(path, "evaluate", dump(config), overrides, facts, own_files(config.values)) as run:
         prepared.write(run, nominal, threads)
-
-
-def caption(config: EvaluateConfig, genome_name: str, controllers: Sequence[tuple[str, float]] | None = None) -> str:
-    """Which lifetimes the traces of a run show, in one line; controllers: names and N, if not the configured."""
-    if controllers is None:
-        controllers = [(controller.name, float(controller.rule.N)) for controller in config.controllers]
-    rate = tables.rates(controllers)
-    changed = f" ({config.changed})" if config.changed else ""
-    return (
-        f"{config.world.name}{changed} · genome {genome_name} · {f'{rate} · ' if rate else ''}"
-        f"repeat 1 of {config.repeats}, seed {config.seed}"
-    )
