@@ -18,8 +18,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config import compose
 from epuckhebb.config.errors import explain
-from epuckhebb.config.schema import EvaluateConfig
-from epuckhebb.config.stored import value_as_declared
+from epuckhebb.config.schema import EvaluateConfig, value_as_declared
 from epuckhebb.runs import evaluate as runs_evaluate
 from epuckhebb.runs import hydra
 from epuckhebb.runtime.conf import groups

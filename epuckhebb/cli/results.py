@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.text import Text
 
-from epuckhebb.analysis import environments, tables
+from epuckhebb.analysis import environments, reversal, tables
 from epuckhebb.analysis.evaluate import Rows
 from epuckhebb.analysis.tables import unmarked
 from epuckhebb.cli.console import print_line, print_table, print_text
@@ -33,11 +33,7 @@ def print_evaluation(run: Run, console: Console) -> None:
             print_line(console, note)
         return
     if run.has("reversal.csv"):
-        rows: list[tuple[str, ...]] = []
-        for row in run.rows("reversal.csv"):
-            interval = "" if row["low"] is None else f"[{row['low']:.3f}, {row['high']:.3f}]"
-            rows.append((row["controller"], f"{row['rewarded_share']:.3f}", interval))
-        print_table(console, _title(metrics), ("controller", "rewarded share", "95 % interval"), rows)
+        _print(reversal.readable(run.table("reversal.csv"), _title(metrics)).only(0, 1, 2), console)
     else:
         text = tables.formatted(tables.paper_table(metrics))
         rows = [(*place, *cells.values()) for place, cells in text.items()]

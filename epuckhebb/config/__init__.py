@@ -32,7 +32,7 @@ from epuckhebb.config.overrides import (
     with_environment,
     with_names_compared,
 )
-from epuckhebb.config.parts import KINDS, NONE, PAPER, part_class, part_from, part_names
+from epuckhebb.config.parts import KINDS, NONE, PAPER, part_class, part_from
 from epuckhebb.config.plugins import (
     OWN_CODE,
     OwnFile,
@@ -40,8 +40,9 @@ from epuckhebb.config.plugins import (
     own_files,
     own_references,
     own_sources,
+    with_own_copies,
 )
-from epuckhebb.config.resolve import training_world, usual_physics
+from epuckhebb.config.resolve import training_world
 from epuckhebb.config.schema import (
     MOST_THREADS,
     SCHEMAS,
@@ -51,10 +52,10 @@ from epuckhebb.config.schema import (
     EvolveConfig,
     Plain,
     dump,
+    from_values,
     register,
     schema_of,
     typed,
 )
-from epuckhebb.config.stored import from_values, with_own_copies
 from epuckhebb.config.values import part_settings
 from epuckhebb.config.yaml_file import load as settings

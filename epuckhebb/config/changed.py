@@ -12,9 +12,10 @@ from omegaconf import DictConfig, OmegaConf, flag_override
 
 from epuckhebb.config import hand
 from epuckhebb.config.catalogue import Composed, by_hydra, of_program
-from epuckhebb.config.overrides import literal, parsed
+from epuckhebb.config.overrides import parsed
 from epuckhebb.config.parts import PART_GROUPS, part_class
 from epuckhebb.config.plugins import own_references
+from epuckhebb.config.values import literal
 from epuckhebb.controller.wiring import LAYERS
 from epuckhebb.runtime import ConfigError, conf
 

@@ -12,8 +12,7 @@ from epuckhebb.config.catalogue import Composed, by_hydra
 from epuckhebb.config.errors import explain
 from epuckhebb.config.overrides import OF_ENVIRONMENT, check_words, configuration_of, parsed, with_environment
 from epuckhebb.config.resolve import resolve
-from epuckhebb.config.schema import SCHEMAS, Config, Plain, plain, typed
-from epuckhebb.config.stored import value_as_declared
+from epuckhebb.config.schema import SCHEMAS, Config, Plain, plain, typed, value_as_declared
 from epuckhebb.runtime import ConfigError
 
 _ALONE = ("genome", "seed", "repeats", "threads")  # keys on which nothing else in a configuration depends, unless:

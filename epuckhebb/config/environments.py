@@ -12,10 +12,11 @@ from typing import Any, ClassVar, NamedTuple
 from omegaconf import DictConfig, OmegaConf
 
 from epuckhebb.config import build, yaml_file
-from epuckhebb.config.overrides import ANY, OF_ENVIRONMENT, literal, parsed, value_text
+from epuckhebb.config.overrides import ANY, OF_ENVIRONMENT, parsed, value_text
 from epuckhebb.config.parts import NONE, Layers, part_from
 from epuckhebb.config.plugins import class_named, load
 from epuckhebb.config.schema import Checked, Figures, register
+from epuckhebb.config.values import literal
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.plasticity.rule import NoRule, Rule

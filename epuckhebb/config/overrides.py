@@ -20,6 +20,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.adaptation.adaptation import NONE, Adaptation
 from epuckhebb.config.schema import OPEN, SCHEMAS
+from epuckhebb.config.values import literal
 from epuckhebb.controller.own_class import OwnClass
 from epuckhebb.runtime import ConfigError, conf, data_folder, did_you_mean
 
@@ -113,11 +114,6 @@ def keys_below(node: Mapping[Any, Any], prefix: str = "") -> Iterator[str]:
 def values_of(words: Iterable[str]) -> dict[str, Any]:
     """The values of overrides by key, where each sets one key."""
     return {word.key_or_group: word.value() for word in parsed(words)}
-
-
-def literal(text: str) -> str:
-    """A text as a configuration has to be given it, so that a `${...}` in it, of a folder's name, means nothing."""
-    return re.sub(r"(\\*)\$\{", lambda found: f"{2 * found[1]}\\${{", text)
 
 
 def quoted(text: str) -> str:

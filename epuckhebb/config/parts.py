@@ -84,11 +84,6 @@ KINDS = {
 PART_GROUPS = ("compare", *(kind.group.partition(".")[0] for kind in KINDS.values()))
 
 
-def part_names(kind: str) -> list[str]:
-    """The parts of a kind, one of `KINDS`, that the program has."""
-    return KINDS[kind].names
-
-
 def part_class(kind: str, name: Any, key: str) -> Any:
     """The class of a part by its name. key: what stands before the name in the configuration, for messages."""
     row, key = KINDS[kind], f"{key}.{KINDS[kind].key}"

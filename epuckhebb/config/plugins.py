@@ -5,6 +5,7 @@ helpers of one name, and neither gets the other's.
 """
 
 import builtins
+import copy
 import hashlib
 import importlib
 import importlib.util
@@ -112,6 +113,17 @@ def own_sources(config: Any) -> dict[str, str]:
     """The SHA-256, by path, of all the user's files that results of a configuration depend on."""
     own = {path: sha256 for own in own_files(config).values() for path, sha256 in own.sha256.items()}
     return own | hand.source(config)
+
+
+def with_own_copies(values: dict[str, Any], run: Path, own_code: Mapping[str, Any]) -> dict[str, Any]:
+    """Plain values of a run with its own copies in place of the user's files. own_code: of its provenance."""
+    values = copy.deepcopy(values)
+    for part, key, file, name in own_references(values):
+        part[key] = f"{(run / own_code[str(file)]['copy']).absolute()}:{name}"
+    scenario = values.get("scenario")
+    if isinstance(scenario, dict) and scenario.get("hand") is not None:
+        scenario["hand"] = str((run / hand.NAME).absolute())
+    return values
 
 
 def class_named(text: str, base: type[Base], key: str) -> type[Base]:

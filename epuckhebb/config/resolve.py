@@ -4,7 +4,6 @@ A choice of a group is known by the name of its file or row, so that need not sa
 names is left as it is.
 """
 
-import functools
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
@@ -19,13 +18,13 @@ from epuckhebb.config.build import scenario_from
 from epuckhebb.config.catalogue import BROUGHT, NULL, by_hydra, changes, of_program
 from epuckhebb.config.changed import differences, find_own_files, usual_world
 from epuckhebb.config.errors import explain
-from epuckhebb.config.overrides import literal
 from epuckhebb.config.parts import KINDS, NONE, PAPER, part_class, part_from
 from epuckhebb.config.schema import WorldConfig, plain
+from epuckhebb.config.values import literal
 from epuckhebb.controller.wiring import LAYERS
 from epuckhebb.runtime import ConfigError, conf, data_folder, path_of
 from epuckhebb.tmaze.individual import HEBBIAN
-from epuckhebb.tmaze.physics_engine import Physics
+from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.scenario import TRAINED, Scenario
 
 _NAMED = ("maze", "robot", "scenario", "hebbian", "training")  # groups whose settings have a name
@@ -175,24 +174,22 @@ def _fit_rule(cfg: DictConfig, choice: str, chosen: DictConfig) -> None:
         cfg.hebbian.name = kind.__name__.lower()
 
 
-def training_world(config: WorldConfig, experiment: str, physics: Physics) -> Scenario:
-    """The world in which controllers of an experiment are evolved, for the robot and in the maze of a configuration.
+def training_world(config: WorldConfig, evolved_in: str = "") -> Scenario:
+    """The world in which controllers of this experiment are evolved, for the robot and in the maze of a configuration.
 
-    If a change brought that maze, training is in the usual one. physics: of their evolution.
+    If a change brought that maze, training is in the usual one. evolved_in: the name of the physics of their evolution,
+    which may be another than that of the configuration; "" for that of the plane.
     """
+    experiment, name = config.world.experiment, evolved_in or PYMUNK.name
+    physics = part_from("physics", config.physics, "physics")
+    if physics.name != name:
+        physics = part_from("physics", yaml_file.load(_physics_file(name)), "physics")
     cfg = of_program("evaluate", f"scenario={TRAINED[experiment]}").cfg.copy()
     cfg.scenario.name = TRAINED[experiment]
     if config.maze.get("name") not in [change.get("maze") for change in config.change.values()]:
         cfg.maze = config.maze
     world = scenario_from(OmegaConf.to_object(cfg.scenario), plain(cfg)["maze"], config.robot)
     return replace(world, physics=physics)
-
-
-@functools.cache
-def usual_physics(name: str) -> Physics:
-    """The physics of this name with the settings of its file."""
-    physics: Physics = part_from("physics", yaml_file.load(_physics_file(name)), "physics")
-    return physics
 
 
 def _physics_file(name: str) -> Path:

@@ -8,7 +8,7 @@ that a user can bring (a rule, a maze, a robot) are open here, and checked when 
 import functools
 from dataclasses import MISSING, Field, dataclass, field, fields, make_dataclass
 from enum import Enum
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
 
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -17,6 +17,7 @@ from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.config import build
 from epuckhebb.config.errors import explain
 from epuckhebb.config.parts import Layers, part_from
+from epuckhebb.config.values import literal
 from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule
 from epuckhebb.controller.ranges import check, within
 from epuckhebb.controller.wiring import LAYERS, Wiring
@@ -255,3 +256,37 @@ def typed(cfg: DictConfig, schema: type[Config]) -> Config:
     assert isinstance(config, schema)
     config.composed = cfg
     return config
+
+
+def from_values(values: Plain, schema: type[Config], source: str) -> Config:
+    """The configuration of plain values, all names among them. source: where they come from, for messages."""
+    try:
+        cfg = OmegaConf.merge(_keys_of(cast(Any, schema)), _literally(values))
+        assert isinstance(cfg, DictConfig)
+    except Exception as error:  # what damaged settings may raise has no end
+        reason = explain(error) if isinstance(error, OmegaConfBaseException) else error
+        raise ConfigError(f"{source} cannot be used: {reason}") from error
+    return typed(cfg, schema)
+
+
+def value_as_declared(key: str, value: Any, command: str) -> Any:
+    """A value of a key of a command, of the type that the schema declares."""
+    keys: Any = OmegaConf.merge(_keys_of(SCHEMAS[command]), {key: _literally(value)})
+    return keys[key]
+
+
+@functools.cache
+def _keys_of(schema: Any) -> DictConfig:
+    """The keys of a command with their types, made once: every job of a sweep has them."""
+    keys = OmegaConf.structured(schema)
+    assert isinstance(keys, DictConfig)
+    return keys
+
+
+def _literally(value: Any) -> Any:
+    """What was written down with all values in it: no text in it refers to another."""
+    if isinstance(value, dict):
+        return {str(key): _literally(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_literally(item) for item in value]
+    return literal(value) if isinstance(value, str) else value

@@ -1,6 +1,7 @@
 """Plain values of settings, converted to the types that dataclasses and records declare."""
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
 from enum import EnumType
@@ -82,3 +83,8 @@ def _is_finite(value: object) -> bool:
         if isinstance(value, tuple)
         else not isinstance(value, float) or math.isfinite(value)
     )
+
+
+def literal(text: str) -> str:
+    """A text as a configuration has to be given it, so that a `${...}` in it, of a folder's name, means nothing."""
+    return re.sub(r"(\\*)\$\{", lambda found: f"{2 * found[1]}\\${{", text)

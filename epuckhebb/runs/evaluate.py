@@ -13,6 +13,7 @@ from epuckhebb.adaptation.nominal import Nominal, measure_nominal
 from epuckhebb.analysis import tables
 from epuckhebb.analysis.evaluate import Rows, Traces, evaluate
 from epuckhebb.config import (
+    KINDS,
     Checked,
     EvaluateConfig,
     alternatives,
@@ -21,27 +22,23 @@ from epuckhebb.config import (
     environment_of_run,
     hand,
     own_files,
-    part_from,
-    part_names,
     quoted,
+    training_world,
     typed_as,
-    usual_physics,
     value_of,
 )
-from epuckhebb.config import training_world as world_of_training
 from epuckhebb.controller.compiling.sources import own_code
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import name_of
 from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, Rule, evolved_sizes
-from epuckhebb.controller.wiring import Wiring
+from epuckhebb.controller.wiring import LAYERS, Wiring
 from epuckhebb.runs import hydra
 from epuckhebb.runs.notes import notes_of
 from epuckhebb.runtime import ConfigError, data_folder, saying_if_slow
-from epuckhebb.store import Genome, RunFolder, as_npz, check_wiring, digest, load_genome, traces_arrays
+from epuckhebb.store import Genome, RunFolder, as_npz, digest, load_genome, traces_arrays
 from epuckhebb.tmaze.batch import load_kernel
 from epuckhebb.tmaze.individual import GA_ALONE, Controller
 from epuckhebb.tmaze.own_sensor import reading_names
-from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.robot import EPUCK
 from epuckhebb.tmaze.scenario import TRAINED, Scenario
 from epuckhebb.tmaze.session import LostRobotError
@@ -166,8 +163,13 @@ def check_genome(genome: Genome, world: Scenario, shape: tuple[int, ...] | Wirin
             f"genome={genome.name} is for a network of layers {genome.network}, which {has} task={task.name}; "
             f"give task={genome.task or ONE_TRIAL.name}, or a champion that was evolved with task={task.name}"
         )
-    check_wiring(genome.wiring, shape, genome.name)
     has_others = bool(genome.optimizer) and genome.sensors != sensors
+    asked = shape.name if isinstance(shape, Wiring) else LAYERS
+    if genome.wiring != asked:
+        raise ConfigError(
+            f"genome={genome.name} is for network.wiring={genome.wiring}, and the settings have network.wiring={asked}; "
+            f"give network.wiring={genome.wiring} (FILE.py:{genome.wiring} if you wrote it), or another champion"
+        )
     if genome.robot != robot.name or genome.network.inputs != world.inputs or has_others:
         raise ConfigError(
             f"genome={genome.name} is for robot {genome.robot} with own sensors {genome.sensors or 'none'}, and a "
@@ -213,17 +215,6 @@ def evaluate_job(job: hydra.Job) -> None:
     evaluate_into(job.path, job.config, job.overrides, job.facts, threads=job.threads)
 
 
-def training_world(config: EvaluateConfig, evolved_in: str = "") -> Scenario:
-    """The world in which controllers of this experiment are evolved, in the maze of the evaluation, for its robot.
-
-    evolved_in: the name of their physics, which may be another than that of the evaluation; "" for that of the plane.
-    """
-    physics = part_from("physics", config.physics, "physics")
-    if physics.name != (evolved_in or PYMUNK.name):
-        physics = usual_physics(evolved_in or PYMUNK.name)
-    return world_of_training(config, config.world.experiment, physics)
-
-
 def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:
     """Overrides with the robot and the wiring that their champion was evolved for, unless they name one.
 
@@ -248,7 +239,7 @@ def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:
     if is_known and not others and not any(key.split(".")[0] == "robot" for key in keys):
         words = [*words, f"robot={quoted(robot)}"]
     (wiring, settings), *several = {(genome.wiring, genome.wiring_settings) for genome in genomes}
-    if several or not settings or wiring not in part_names("wiring") or keys & {"network", "network.wiring"}:
+    if several or not settings or wiring not in KINDS["wiring"].names or keys & {"network", "network.wiring"}:
         return words
     own = {f"network.{key}": value for key, value in json.loads(settings).items() if f"network.{key}" not in keys}
     return [*words, f"network.wiring={wiring}", *typed_as(own)]

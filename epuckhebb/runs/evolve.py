@@ -197,9 +197,8 @@ def prepare_evolution(config: Any, *, has_genome: bool = True) -> Any:
         start = first, _start_genes(first, config)
     origin = None
     if config.training.returns:
-        origin = replace(
-            training_world(config, world.experiment, world.physics), task=world.task, fitness=world.fitness
-        )
+        origin = training_world(config, world.physics.name)
+        origin = replace(origin, task=world.task, fitness=world.fitness)
         if replace(origin, name=world.name) == world:
             raise ConfigError(
                 "training.season and training.rehearsal need another world than the training world of the experiment, "
