@@ -6,11 +6,9 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config.catalogue import Composed, by_hydra
-from epuckhebb.config.errors import explain
-from epuckhebb.config.overrides import OF_ENVIRONMENT, check_words, configuration_of, parsed, with_environment
+from epuckhebb.config.overrides import OF_ENVIRONMENT, check_words, configuration_of, values_of, with_environment
 from epuckhebb.config.resolve import resolve
 from epuckhebb.config.schema import SCHEMAS, Config, Plain, plain, typed, value_as_declared
 from epuckhebb.runtime import ConfigError
@@ -72,12 +70,8 @@ def configurations(
     @functools.cache
     def alone_as_declared(override: str) -> Plain:
         """A key and its value, of the type that the schema declares."""
-        (word,) = parsed([override])
-        key = word.key_or_group
-        try:
-            return {key: value_as_declared(key, word.value(), command)}
-        except OmegaConfBaseException as error:
-            raise ConfigError(explain(error)) from error
+        ((key, value),) = values_of([override]).items()
+        return {key: value_as_declared(key, value, command)}
 
     # In an environment, rule and network are those of the genome's evolution.
     keys = [key for key in _ALONE if key != "genome" or OF_ENVIRONMENT not in command]

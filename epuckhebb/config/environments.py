@@ -134,41 +134,37 @@ class EvaluateEnvironment(EnvironmentConfig):
 
 def world_of(settings: Environment) -> World:
     """The world of settings; it is checked where it is used first."""
-    make = functools.partial(_make_own if ".py:" in settings.id else _make, settings)
+    make = functools.partial(_make, settings)
     functions = {change[FUNCTION]: _function(change[FUNCTION]) for change in settings.changes if FUNCTION in change}
     own = settings.id.rpartition(":")[2] if settings.name == ANY else settings.name
     return World(settings=replace(settings, name=own), make=make, functions=functions)
 
 
 def _make(settings: Environment, **more: Any) -> Any:
-    """An environment of Gymnasium; a ConfigError if there is none, or a library is missing."""
+    """An environment of Gymnasium, or of a class of the user's; a ConfigError if it cannot be made."""
     try:
         import gymnasium
     except ImportError as error:
         raise ConfigError(f"environment={settings.name} needs Gymnasium: {_INSTALL}") from error
+    options = {**settings.options, **more}
     try:
+        if ".py:" in settings.id:
+            kind: Any = class_named(settings.id, gymnasium.Env, "environment.id")
+            return kind(**options)
         if "mujoco" in str(gymnasium.spec(settings.id).entry_point):
             import mujoco
 
             mujoco.set_mju_user_warning(lambda _: None)  # else each environment prints one, and writes a file here
-        return gymnasium.make(
-            settings.id, max_episode_steps=settings.horizon, disable_env_checker=True, **{**settings.options, **more}
+        return gymnasium.make(settings.id, max_episode_steps=settings.horizon, disable_env_checker=True, **options)
+    except ConfigError:
+        raise
+    except Exception as error:  # of a user's code, or of a library that is missing
+        hint = (
+            f"; environments of MuJoCo: {_INSTALL}"
+            if isinstance(error, ImportError | gymnasium.error.DependencyNotInstalled)
+            else ""
         )
-    except (gymnasium.error.DependencyNotInstalled, ImportError) as error:
-        raise ConfigError(f"environment.id={settings.id}: {error}; environments of MuJoCo: {_INSTALL}") from error
-    except (gymnasium.error.Error, TypeError) as error:
-        raise ConfigError(f"environment.id={settings.id}: {error}") from error
-
-
-def _make_own(settings: Environment, **more: Any) -> Any:
-    """An environment of a class of the user's."""
-    import gymnasium
-
-    kind: Any = class_named(settings.id, gymnasium.Env, "environment.id")
-    try:
-        return kind(**{**settings.options, **more})
-    except Exception as error:  # of a user's code
-        raise ConfigError(f"environment.id={settings.id}: {type(error).__name__}: {error}") from error
+        raise ConfigError(f"environment.id={settings.id}: {type(error).__name__}: {error}{hint}") from error
 
 
 def _function(text: Any) -> Callable[[Any], None]:
@@ -215,12 +211,10 @@ def complete(cfg: DictConfig, choices: Mapping[str, str], overrides: Sequence[st
     if "genome" in cfg and not before and not is_typed("environment"):
         raise ConfigError(f"genome={cfg.genome} is of no evolution in an environment; give environment=NAME")
     is_same = bool(before) and before["environment"]["name"] == environment.name
-    for group in ("environment", "network", "hebbian"):
-        if (group == "environment" and not is_same) or (f"{group}" in words and group != "environment"):
-            continue
-        for key, value in (before.get(group) or {}).items():
+    for group in before.keys() & ({"network", "hebbian"} - set(words) | ({"environment"} if is_same else set())):
+        for key, value in before[group].items():
             if not is_typed(f"{group}.{key}") and key not in ("change", "changes", "processes"):
-                cfg[group][key] = _literal(value)
+                cfg[group][key] = literal(value)
     if "repeats" in cfg and not is_typed("environment.horizon"):
         environment.horizon *= 2
     if OmegaConf.is_missing(environment, "id"):
@@ -261,7 +255,3 @@ def _fit_rule(cfg: DictConfig, choice: str, is_typed: Callable[[str], bool]) -> 
     rule.name = rule.get("name") or (choice if choice != NONE else str(rule.rule).rpartition(":")[2].lower())
     if cfg.network.get("wiring") == "ctrnn" and not is_typed("network.tau_gain_rad_s"):
         cfg.network.tau_gain_rad_s = 0.0
-
-
-def _literal(value: Any) -> Any:
-    return literal(value) if isinstance(value, str) else value

@@ -261,7 +261,7 @@ def typed(cfg: DictConfig, schema: type[Config]) -> Config:
 def from_values(values: Plain, schema: type[Config], source: str) -> Config:
     """The configuration of plain values, all names among them. source: where they come from, for messages."""
     try:
-        cfg = OmegaConf.merge(_keys_of(cast(Any, schema)), _literally(values))
+        cfg = OmegaConf.merge(_keys_of(cast(Any, schema)), literal(values))
         assert isinstance(cfg, DictConfig)
     except Exception as error:  # what damaged settings may raise has no end
         reason = explain(error) if isinstance(error, OmegaConfBaseException) else error
@@ -271,7 +271,10 @@ def from_values(values: Plain, schema: type[Config], source: str) -> Config:
 
 def value_as_declared(key: str, value: Any, command: str) -> Any:
     """A value of a key of a command, of the type that the schema declares."""
-    keys: Any = OmegaConf.merge(_keys_of(SCHEMAS[command]), {key: _literally(value)})
+    try:
+        keys: Any = OmegaConf.merge(_keys_of(SCHEMAS[command]), {key: literal(value)})
+    except OmegaConfBaseException as error:
+        raise ConfigError(explain(error)) from error
     return keys[key]
 
 
@@ -281,12 +284,3 @@ def _keys_of(schema: Any) -> DictConfig:
     keys = OmegaConf.structured(schema)
     assert isinstance(keys, DictConfig)
     return keys
-
-
-def _literally(value: Any) -> Any:
-    """What was written down with all values in it: no text in it refers to another."""
-    if isinstance(value, dict):
-        return {str(key): _literally(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_literally(item) for item in value]
-    return literal(value) if isinstance(value, str) else value

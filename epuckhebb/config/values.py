@@ -85,6 +85,10 @@ def _is_finite(value: object) -> bool:
     )
 
 
-def literal(text: str) -> str:
-    """A text as a configuration has to be given it, so that a `${...}` in it, of a folder's name, means nothing."""
-    return re.sub(r"(\\*)\$\{", lambda found: f"{2 * found[1]}\\${{", text)
+def literal(value: Any) -> Any:
+    """A value as a configuration has to be given it, so that a `${...}` in it, of a folder's name, means nothing."""
+    if isinstance(value, dict):
+        return {str(key): literal(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return list(map(literal, value))
+    return re.sub(r"(\\*)\$\{", lambda found: f"{2 * found[1]}\\${{", value) if isinstance(value, str) else value

@@ -167,8 +167,8 @@ def check_genome(genome: Genome, world: Scenario, shape: tuple[int, ...] | Wirin
     asked = shape.name if isinstance(shape, Wiring) else LAYERS
     if genome.wiring != asked:
         raise ConfigError(
-            f"genome={genome.name} is for network.wiring={genome.wiring}, the settings have network.wiring={asked}; give "
-            f"network.wiring={genome.wiring} (FILE.py:{genome.wiring} if you wrote it), or another champion"
+            f"genome={genome.name} is for network.wiring={genome.wiring}, the settings have network.wiring={asked}; "
+            f"give network.wiring={genome.wiring} (FILE.py:{genome.wiring} if you wrote it), or another champion"
         )
     if genome.robot != robot.name or genome.network.inputs != world.inputs or has_others:
         raise ConfigError(
