@@ -2,7 +2,6 @@
 
 import json
 import sys
-import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -43,7 +42,9 @@ def report_errors() -> Iterator[None]:
     except JobFailedError as error:
         message, code = f"a job failed: {error}", JOB_FAILED
     except (Exception, SystemExit) as error:  # a user's own part may raise anything, and even leave Python
-        if place := _own_place(error):
+        from epuckhebb.config import own_place  # it takes a while to load
+
+        if place := own_place(error):
             message = f"{place}: {type(error).__name__}: {error}"
         elif isinstance(error, BrokenPipeError):  # nobody reads what we say, and what we do is done
             discard(sys.stdout)
@@ -56,15 +57,6 @@ def report_errors() -> Iterator[None]:
     if message:
         print_error(message)
         raise typer.Exit(code)
-
-
-def _own_place(error: BaseException) -> str:
-    """The file of a user's and its line in which an error arose; "" if it arose elsewhere."""
-    from epuckhebb.controller.compiling.sources import OWN_PACKAGE  # numba takes a while to load
-
-    places = list(traceback.walk_tb(error.__traceback__))
-    own = [place for place in places if str(place[0].f_globals.get("__name__")).startswith(OWN_PACKAGE)]
-    return f"{own[-1][0].f_code.co_filename}, line {own[-1][1]}" if own else ""
 
 
 def json_text(values: Any) -> str:

@@ -38,6 +38,7 @@ from epuckhebb.config.plugins import (
     OwnFile,
     class_named,
     own_files,
+    own_place,
     own_references,
     own_sources,
     with_own_copies,

@@ -1,7 +1,5 @@
 """What was changed by hand in a lifetime of `epuckhebb play`, in a file: `scenario.hand=FILE`."""
 
-import hashlib
-from collections.abc import Mapping
 from typing import Any
 
 import msgspec
@@ -31,9 +29,3 @@ def content(text: str) -> bytes:
 def written(changes: list[dict[str, Any]]) -> bytes:
     """The content of a file of these changes, one a line."""
     return b"[\n" + b",\n".join(map(msgspec.json.encode, changes)) + b"\n]\n"
-
-
-def source(config: Mapping[str, Any]) -> dict[str, str]:
-    """The SHA-256, by path, of the file of changes that a configuration names; nothing if it names none."""
-    text = (config.get("scenario") or {}).get("hand")
-    return {} if text is None else {str(text): hashlib.sha256(content(text)).hexdigest()}

@@ -112,7 +112,8 @@ def own_files(config: Any) -> dict[Path, OwnFile]:
 def own_sources(config: Any) -> dict[str, str]:
     """The SHA-256, by path, of all the user's files that results of a configuration depend on."""
     own = {path: sha256 for own in own_files(config).values() for path, sha256 in own.sha256.items()}
-    return own | hand.source(config)
+    by_hand = (config.get("scenario") or {}).get("hand")
+    return own if by_hand is None else {**own, str(by_hand): _sha256(hand.content(by_hand))}
 
 
 def with_own_copies(values: dict[str, Any], run: Path, own_code: Mapping[str, Any]) -> dict[str, Any]:
@@ -162,7 +163,7 @@ def load(file: Path, key: str) -> OwnFile:
     except BaseException as error:  # a file may even leave Python
         _unload(own.package)
         why = f"{type(error).__name__}: {error}".replace(f"{own.package}.", "")
-        raise ConfigError(f"{key}: {_where(error, own)} cannot be imported: {why}") from error
+        raise ConfigError(f"{key}: {own_place(error) or path} cannot be imported: {why}") from error
     _loaded[path] = own
     return own
 
@@ -172,12 +173,13 @@ def _unload(package: str) -> None:
         del sys.modules[name]
 
 
-def _where(error: BaseException, own: OwnFile) -> str:
-    """The user's file and the line in which an error arose."""
+def own_place(error: BaseException) -> str:
+    """The file of a user's and its line in which an error arose; "" if it arose elsewhere."""
     if isinstance(error, SyntaxError) and error.filename and error.lineno:
-        return f"{error.filename}, line {error.lineno},"
-    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename in own.sha256]
-    return f"{frames[-1].filename}, line {frames[-1].lineno}," if frames else str(own.path)
+        return f"{error.filename}, line {error.lineno}"
+    places = list(traceback.walk_tb(error.__traceback__))
+    own = [place for place in places if str(place[0].f_globals.get("__name__")).startswith(OWN_PACKAGE)]
+    return f"{own[-1][0].f_code.co_filename}, line {own[-1][1]}" if own else ""
 
 
 class _Finder(MetaPathFinder):

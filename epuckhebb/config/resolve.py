@@ -92,7 +92,7 @@ def _make_changes(cfg: DictConfig, choices: dict[str, str], config_dir: str | No
         cfg.change[name] = {group: str(row[group]) for group in BROUGHT if group in row}
         physics = cfg.change[name].get("physics", choices["physics"])
         if choices["physics"] != physics:  # that a sweep trains with
-            cfg.physics, choices["physics"] = yaml_file.load(_physics_file(physics)), physics
+            cfg.physics, choices["physics"] = _physics(physics), physics
 
 
 def _compared(name: str, given: Any, config_dir: str | None) -> tuple[str, Any]:
@@ -183,7 +183,7 @@ def training_world(config: WorldConfig, evolved_in: str = "") -> Scenario:
     experiment, name = config.world.experiment, evolved_in or PYMUNK.name
     physics = part_from("physics", config.physics, "physics")
     if physics.name != name:
-        physics = part_from("physics", yaml_file.load(_physics_file(name)), "physics")
+        physics = part_from("physics", _physics(name), "physics")
     cfg = of_program("evaluate", f"scenario={TRAINED[experiment]}").cfg.copy()
     cfg.scenario.name = TRAINED[experiment]
     if config.maze.get("name") not in [change.get("maze") for change in config.change.values()]:
@@ -192,9 +192,9 @@ def training_world(config: WorldConfig, evolved_in: str = "") -> Scenario:
     return replace(world, physics=physics)
 
 
-def _physics_file(name: str) -> Path:
-    """The file of a physics of the program's."""
-    file = data_folder("conf") / "physics" / f"{name}.yaml"
-    if not file.is_file():
-        raise ConfigError(f"physics must be one of {', '.join(conf.groups('evaluate')['physics'])}, got {name}")
-    return file
+def _physics(name: str) -> dict[str, Any]:
+    """The settings of a physics of the program's."""
+    known = conf.groups("evaluate")["physics"]
+    if name not in known:
+        raise ConfigError(f"physics must be one of {', '.join(known)}, got {name}")
+    return yaml_file.load(data_folder("conf") / "physics" / f"{name}.yaml")

@@ -1,8 +1,5 @@
 """A run folder from its start to its end: made, claimed and locked (`lock.py`), written, closed."""
 
-import csv
-import io
-import math
 import shutil
 import traceback
 from collections.abc import Callable, Iterator, Mapping
@@ -205,18 +202,13 @@ class RunFolder:
 
 def as_bytes(content: Content) -> bytes:
     """The content of a file; a table as CSV, with nothing in cells without a value."""
-    if isinstance(content, bytes):
-        return content
     if isinstance(content, list):
-        text = io.StringIO()
-        writer = csv.DictWriter(text, list(content[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(
-            {key: "" if isinstance(value, float) and math.isnan(value) else value for key, value in row.items()}
-            for row in content
-        )
-        content = text.getvalue()
-    return (content if isinstance(content, str) else str(content.to_csv(index=False, lineterminator="\n"))).encode()
+        import pandas as pd  # takes a while to load
+
+        content = pd.DataFrame(content)
+    if not isinstance(content, bytes | str):
+        content = str(content.to_csv(index=False, lineterminator="\n"))
+    return content.encode() if isinstance(content, str) else content
 
 
 def _own_code(own: Own) -> dict[str, Any]:
