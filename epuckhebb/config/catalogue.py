@@ -17,7 +17,7 @@ from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.plugins import Plugins
 from hydra.plugins.search_path_plugin import SearchPathPlugin
-from omegaconf import DictConfig, OmegaConf, flag_override
+from omegaconf import DictConfig, OmegaConf
 
 from epuckhebb.config import yaml_file
 from epuckhebb.config.errors import explain
@@ -54,8 +54,16 @@ class Composed(NamedTuple):
 
 
 def by_hydra(command: str, overrides: list[str], config_dir: str | None) -> Composed:
-    """A configuration as Hydra composes it."""
-    overrides = with_environment(map(with_names_compared, overrides))
+    """A configuration as Hydra composes it, which may be changed; one without files of the user's is composed once."""
+    words = tuple(with_environment(map(with_names_compared, overrides)))
+    if config_dir is not None:
+        return _composed(command, words, config_dir)
+    found = _composed_once(command, words, None)
+    return found._replace(cfg=found.cfg.copy())
+
+
+def _composed(command: str, words: tuple[str, ...], config_dir: str | None) -> Composed:
+    overrides = list(words)
     try:
         with catalogue(command, config_dir), initialize_config_dir(str(data_folder("conf")), version_base=VERSION_BASE):
             cfg = compose(command, overrides, return_hydra_config=True)
@@ -64,20 +72,16 @@ def by_hydra(command: str, overrides: list[str], config_dir: str | None) -> Comp
     except Exception as error:  # what damaged files may raise has no end
         if config_dir is not None:
             _check_chosen(overrides, Path(config_dir))
-        words = f"{' '.join(overrides)}: " if overrides else ""
-        raise ConfigError(f"{words}{explain(error)}") from error
-    with flag_override(cfg, ["struct", "readonly"], [False, False]):
-        hydra = cfg.pop("hydra")
+        raise ConfigError(f"{' '.join(words)}{': ' if words else ''}{explain(error)}") from error
+    OmegaConf.set_struct(cfg, False)
+    hydra = cfg.pop("hydra")
     choices = choices_of(hydra.runtime)
     for group, choice in {".": command, **choices}.items() if config_dir else ():
         yaml_file.check_meaning(Path(str(config_dir), group, f"{choice}.yaml"))
     return Composed(cfg, hydra, choices)
 
 
-@functools.lru_cache(maxsize=256)
-def of_program(command: str, *overrides: str) -> Composed:
-    """A configuration as Hydra composes it without files of the user's, not to be changed."""
-    return by_hydra(command, list(overrides), None)
+_composed_once = functools.lru_cache(maxsize=32)(_composed)
 
 
 def choices_of(runtime: Any) -> dict[str, str]:

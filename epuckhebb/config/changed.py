@@ -8,10 +8,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
 from typing import Any, NamedTuple
 
-from omegaconf import DictConfig, OmegaConf, flag_override
+from omegaconf import DictConfig, OmegaConf
 
 from epuckhebb.config import hand
-from epuckhebb.config.catalogue import Composed, by_hydra, of_program
+from epuckhebb.config.catalogue import by_hydra
 from epuckhebb.config.overrides import parsed
 from epuckhebb.config.parts import PART_GROUPS, part_class
 from epuckhebb.config.plugins import own_references
@@ -48,23 +48,13 @@ def usual_world(
         return None
     changes_named = [str(word.input_line) for word in naming if word.key_or_group == "change"]
 
-    def chosen(*groups: str) -> list[str]:
-        return [f"{group}='{choices[group]}'" for group in groups]
-
-    def compose(folder: str | None, *words: str) -> Composed:
-        if folder is None:
-            return of_program(command, *words)
-        found = by_hydra(command, list(words), folder)
-        with flag_override(found.cfg, ["struct", "readonly"], [False, False]):
-            find_own_files(found.cfg)
-        return found
-
     def usual(folder: str | None) -> UsualWorld:
-        named = [*chosen("scenario"), *changes_named]
-        found = compose(folder, *named)
+        named = [f"scenario='{choices['scenario']}'", *changes_named]
+        found = by_hydra(command, named, folder)
         differ = [group for group in (*_PARTS, *_USUAL) if choices.get(group) != found.choices.get(group)]
         if differ:
-            found = compose(folder, *named, *chosen(*differ))
+            found = by_hydra(command, [*named, *(f"{group}='{choices[group]}'" for group in differ)], folder)
+        find_own_files(found.cfg)
         return UsualWorld(found.cfg, [group for group in differ if group in _PARTS])
 
     try:

@@ -10,12 +10,12 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-from omegaconf import DictConfig, ListConfig, OmegaConf, flag_override
+from omegaconf import DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config import environments, yaml_file
 from epuckhebb.config.build import scenario_from
-from epuckhebb.config.catalogue import BROUGHT, NULL, by_hydra, changes, of_program
+from epuckhebb.config.catalogue import BROUGHT, NULL, by_hydra, changes
 from epuckhebb.config.changed import differences, find_own_files, usual_world
 from epuckhebb.config.errors import explain
 from epuckhebb.config.parts import KINDS, NONE, PAPER, part_class, part_from
@@ -36,17 +36,17 @@ def resolve(
     command: str, cfg: DictConfig, choices: Mapping[str, str], overrides: Sequence[str], config_dir: str | None
 ) -> None:
     """Complete a configuration as Hydra composed it; it is changed. choices: of each group."""
-    with flag_override(cfg, ["struct", "readonly"], [False, False]):
-        try:
-            if "environment" in cfg:  # first, since rows of rules refer to the maze
-                environments.complete(cfg, choices, overrides)
-            find_own_files(cfg)
-            if "environment" in cfg:
-                _complete_classes(cfg)
-            elif "scenario" in cfg and cfg.get("changed") is None:
-                _resolve(command, cfg, dict(choices), overrides, config_dir)
-        except OmegaConfBaseException as error:
-            raise ConfigError(explain(error)) from error
+    OmegaConf.set_struct(cfg, False)
+    try:
+        if "environment" in cfg:  # first, since rows of rules refer to the maze
+            environments.complete(cfg, choices, overrides)
+        find_own_files(cfg)
+        if "environment" in cfg:
+            _complete_classes(cfg)
+        elif "scenario" in cfg and cfg.get("changed") is None:
+            _resolve(command, cfg, dict(choices), overrides, config_dir)
+    except OmegaConfBaseException as error:
+        raise ConfigError(explain(error)) from error
 
 
 def _resolve(
@@ -114,8 +114,7 @@ def _compared(name: str, given: Any, config_dir: str | None) -> tuple[str, Any]:
 
 def _named(word: str, config_dir: str | None) -> dict[str, Any]:
     """The settings of a rule and of an adaptation that one choice brings, references unresolved."""
-    found = by_hydra("compared", [word], config_dir) if config_dir else of_program("compared", word)
-    values: Any = OmegaConf.to_container(found.cfg)
+    values: Any = OmegaConf.to_container(by_hydra("compared", [word], config_dir).cfg)
     return dict(values)
 
 
@@ -184,7 +183,7 @@ def training_world(config: WorldConfig, evolved_in: str = "") -> Scenario:
     physics = part_from("physics", config.physics, "physics")
     if physics.name != name:
         physics = part_from("physics", _physics(name), "physics")
-    cfg = of_program("evaluate", f"scenario={TRAINED[experiment]}").cfg.copy()
+    cfg = by_hydra("evaluate", [f"scenario={TRAINED[experiment]}"], None).cfg
     cfg.scenario.name = TRAINED[experiment]
     if config.maze.get("name") not in [change.get("maze") for change in config.change.values()]:
         cfg.maze = config.maze

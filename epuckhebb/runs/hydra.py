@@ -14,7 +14,7 @@ import hydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
 from hydra.types import RunMode
-from omegaconf import DictConfig, OmegaConf, flag_override
+from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config import (
@@ -123,13 +123,12 @@ def _run_one(command: str, job: Callable[[Job], None], overrides: list[str], con
     name = configuration_of(command, overrides)
     cfg, hydras, _ = composed_with_hydra(name, overrides, config_dir)
     config = typed(cfg, SCHEMAS[name])
-    with flag_override(cfg, ["struct", "readonly"], [False, False]):
-        cfg.hydra = hydras
-        try:
-            path = Path(cfg.hydra.run.dir)
-        except OmegaConfBaseException as error:
-            raise ConfigError(explain(error)) from error
-        del cfg.hydra
+    cfg.hydra = hydras
+    try:
+        path = Path(cfg.hydra.run.dir)
+    except OmegaConfBaseException as error:
+        raise ConfigError(explain(error)) from error
+    del cfg.hydra
     own = [word for word in overrides if not word.lstrip("+~").startswith(("hydra.", "hydra/"))]
     job(Job(path, config, own, _facts(command, own, config_dir), thread_count(config.threads), in_multirun=False))
     return path
