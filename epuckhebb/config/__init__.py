@@ -21,7 +21,7 @@ from epuckhebb.config.overrides import (
     SWEEP_DIR,
     alternatives,
     check_words,
-    configuration_of,
+    for_hydra,
     overrides_of,
     quoted,
     readable,
@@ -29,8 +29,6 @@ from epuckhebb.config.overrides import (
     value_of,
     value_text,
     values_of,
-    with_environment,
-    with_names_compared,
 )
 from epuckhebb.config.parts import KINDS, NONE, PAPER, part_class, part_from
 from epuckhebb.config.plugins import (

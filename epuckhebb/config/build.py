@@ -20,7 +20,6 @@ from epuckhebb.tmaze.individual import CONTROLS, GA, Controller
 from epuckhebb.tmaze.lifetime_kernel import check_inputs
 from epuckhebb.tmaze.maze import Maze, Place, Pose, Side
 from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
-from epuckhebb.tmaze.own_sensor import Sensor
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.robot import OUTPUTS, Robot
 from epuckhebb.tmaze.scenario import Scenario
@@ -149,19 +148,9 @@ def robot_from(value: object) -> Robot:
     own = values.pop(_OWN)
     light = LightSensors(places=values.pop("light_places"))
     felt = DistanceSensors(**{field: values.pop(key) for key, field in _OF_DISTANCE.items()})
-    more = [_own_sensor(settings, f"robot.{_OWN}[{number}]") for number, settings in enumerate(own)]
+    keys = [f"robot.{_OWN}[{number}]" for number in range(len(own))]
+    more = [part_from("sensor", converted(key, one, dict[str, Any]), key) for key, one in zip(keys, own, strict=True)]
     return Robot(**values, sensors=(light, felt, *more))
-
-
-def _own_sensor(given: object, key: str) -> Sensor:
-    """A sensor of the user's own."""
-    values = dict(converted(key, given, dict[str, Any]))
-    readings = values.pop("readings", None)
-    sensor: Sensor = part_from("sensor", values, key)
-    known = list(sensor.readings)
-    if readings not in (None, known):
-        raise ConfigError(f"{key}.readings must be left out, or {known}, got {readings}")
-    return sensor
 
 
 def scenario_from(

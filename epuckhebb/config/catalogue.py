@@ -21,7 +21,6 @@ from omegaconf import DictConfig, OmegaConf
 
 from epuckhebb.config import yaml_file
 from epuckhebb.config.errors import explain
-from epuckhebb.config.overrides import with_environment, with_names_compared
 from epuckhebb.config.schema import SCHEMAS, structured
 from epuckhebb.runtime import ConfigError, conf, data_folder
 
@@ -46,8 +45,9 @@ class _SearchPath(SearchPathPlugin):
 
 
 class Composed(NamedTuple):
-    """A configuration as Hydra composes it, what Hydra keeps for itself, and the choice of each group."""
+    """A configuration as Hydra composes it, by its name, what Hydra keeps for itself, and the choice of each group."""
 
+    command: str
     cfg: DictConfig
     hydra: DictConfig
     choices: dict[str, str]
@@ -55,10 +55,9 @@ class Composed(NamedTuple):
 
 def by_hydra(command: str, overrides: list[str], config_dir: str | None) -> Composed:
     """A configuration as Hydra composes it, which may be changed; one without files of the user's is composed once."""
-    words = tuple(with_environment(map(with_names_compared, overrides)))
     if config_dir is not None:
-        return _composed(command, words, config_dir)
-    found = _composed_once(command, words, None)
+        return _composed(command, tuple(overrides), config_dir)
+    found = _composed_once(command, tuple(overrides), None)
     return found._replace(cfg=found.cfg.copy())
 
 
@@ -78,7 +77,7 @@ def _composed(command: str, words: tuple[str, ...], config_dir: str | None) -> C
     choices = choices_of(hydra.runtime)
     for group, choice in {".": command, **choices}.items() if config_dir else ():
         yaml_file.check_meaning(Path(str(config_dir), group, f"{choice}.yaml"))
-    return Composed(cfg, hydra, choices)
+    return Composed(command, cfg, hydra, choices)
 
 
 _composed_once = functools.lru_cache(maxsize=32)(_composed)

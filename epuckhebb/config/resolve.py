@@ -130,14 +130,13 @@ def _complete_classes(cfg: DictConfig) -> None:
 
 
 def _complete_parts(cfg: DictConfig) -> None:
-    """Write down where changes by hand are, what sensors of the user's read, and what was left as it is in classes."""
+    """Write down where changes by hand are, and what was left as it is in classes."""
     _complete_classes(cfg)
     sensors = cfg.robot.get("sensors")
     for number, settings in enumerate(sensors if isinstance(sensors, ListConfig) else ()):
         key = f"robot.sensors[{number}]"
         if not isinstance(settings, DictConfig) or ":" not in str(settings.get("sensor")):
             raise ConfigError(f"{key} must be {{sensor: FILE.py:NAME}} and its settings, got {settings}")
-        settings.setdefault("readings", list(part_class("sensor", settings.sensor, key).readings))
         _write_defaults(settings, "sensor", settings.sensor, key)
     if cfg.scenario.get("hand") is not None:
         cfg.scenario.hand = literal(str(path_of(cfg.scenario.hand, "scenario.hand").absolute()))
