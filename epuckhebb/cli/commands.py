@@ -82,7 +82,7 @@ def print_runs(command: str, runs: list[Path], output: Output) -> None:
 
 def run_study(planned: "Planned", output: Output, *, dry_run: bool = False) -> None:
     """Run a study and print its results; with `dry_run` list its jobs."""
-    from epuckhebb.cli import results, show
+    from epuckhebb.cli import show
     from epuckhebb.studies.jobs import todo
     from epuckhebb.studies.study import conduct
 
@@ -99,12 +99,12 @@ def run_study(planned: "Planned", output: Output, *, dry_run: bool = False) -> N
             for job in planned.jobs
         ]
         jobs = {"command": planned.study.command, "folder": str(folder), "jobs": listed}
-        output.print(lambda: jobs, lambda console: results.print_jobs(jobs, console))
+        output.print(lambda: jobs, lambda console: show.print_jobs(jobs, console))
         return
     outcome = conduct(planned)
     facts = {"command": planned.study.command, "folder": str(folder), **outcome.as_json()}
     kind = type(planned.study)
-    output.print(lambda: show.as_json(folder) | facts, lambda console: results.print_results(folder, console, kind))
+    output.print(lambda: show.as_json(folder) | facts, lambda console: show.print_results(folder, console, kind))
     if outcome.failures:
         raise JobFailedError(planned.failure(outcome))
 
