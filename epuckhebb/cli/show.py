@@ -30,15 +30,10 @@ def print_evaluation(run: Run, console: Console) -> None:
     metrics, below = run.rows("metrics.csv"), run.provenance.get("notes", [])
     if run.has("lifetime.csv"):
         first, repeats = metrics[0], len({row["repeat"] for row in metrics})
-        change = first["change"] or "nothing changes"
-        title = (
-            f"{first['environment']}, {change}: genome {first['genome']}, {repeats} lifetimes (seed {first['seed']})"
-        )
+        world = f"{first['environment']}, {first['change'] or 'nothing changes'}"
+        title = f"{world}: genome {first['genome']}, {repeats} lifetimes (seed {first['seed']})"
         _print(environments.readable(run.table("table.csv"), title), console)
-        for note in below:
-            print_line(console, note)
-        return
-    if run.has("reversal.csv"):
+    elif run.has("reversal.csv"):
         _print(reversal.readable(run.table("reversal.csv"), _title(metrics)).only(0, 1, 2), console)
     else:
         text = tables.formatted(tables.paper_table(metrics))

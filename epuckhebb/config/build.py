@@ -97,18 +97,14 @@ def compared(name: str, settings: Any, paper_rate: float) -> Controller:
     They may have `adaptation`, a mapping with the keys of the group (its name has been looked up before).
     """
     key = f"compare.{name}"
-    own = dict(converted(key, settings, dict[str, Any]))
-    over = own.pop("adaptation", None) or {}
-    over = part_settings(Adaptation, over, f"{key}.adaptation", "an adaptation", change_signal=str)
-    rule_settings = {"rule": PAPER, **own}
-    if rule_settings["rule"] != NONE:
-        rule_settings.setdefault("N", paper_rate)
+    own = {"rule": PAPER, **converted(key, settings, dict[str, Any])}
+    given, place = own.pop("adaptation", None) or {}, f"{key}.adaptation"
+    given = part_settings(Adaptation, given, place, "an adaptation", change_signal=str)
+    if own["rule"] != NONE:
+        own.setdefault("N", paper_rate)
     try:
-        return Controller(
-            name=name,
-            rule=rule_from(rule_settings, key),
-            adaptation=with_signal(Adaptation(**{**over, "name": name}), f"{key}.adaptation") if over else Adaptation(),
-        )
+        adaptation = with_signal(Adaptation(**{**given, "name": name}), place) if given else Adaptation()
+        return Controller(name=name, rule=rule_from(own, key), adaptation=adaptation)
     except (ValueError, TypeError) as error:
         raise error if isinstance(error, ConfigError) else ConfigError(f"{key}: {error}") from error
 

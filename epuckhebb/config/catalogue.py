@@ -21,6 +21,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from epuckhebb.config import yaml_file
 from epuckhebb.config.errors import explain
+from epuckhebb.config.overrides import check_words, for_hydra
 from epuckhebb.config.schema import SCHEMAS, structured
 from epuckhebb.runtime import ConfigError, conf, data_folder
 
@@ -45,19 +46,26 @@ class _SearchPath(SearchPathPlugin):
 
 
 class Composed(NamedTuple):
-    """A configuration as Hydra composes it, by its name, what Hydra keeps for itself, and the choice of each group."""
+    """A configuration as Hydra composes it, what Hydra keeps for itself, and the choice of each group.
+
+    command, words: what it is composed of, as of `for_hydra`.
+    """
 
     command: str
+    words: tuple[str, ...]
     cfg: DictConfig
     hydra: DictConfig
     choices: dict[str, str]
 
 
-def by_hydra(command: str, overrides: list[str], config_dir: str | None) -> Composed:
+def by_hydra(command: str, overrides: list[str], config_dir: str | None = None) -> Composed:
     """A configuration as Hydra composes it, which may be changed; one without files of the user's is composed once."""
+    name, words = for_hydra(command, overrides)
+    if name in SCHEMAS:
+        check_words(name, words)
     if config_dir is not None:
-        return _composed(command, tuple(overrides), config_dir)
-    found = _composed_once(command, tuple(overrides), None)
+        return _composed(name, tuple(words), config_dir)
+    found = _composed_once(name, tuple(words), None)
     return found._replace(cfg=found.cfg.copy())
 
 
@@ -77,7 +85,7 @@ def _composed(command: str, words: tuple[str, ...], config_dir: str | None) -> C
     choices = choices_of(hydra.runtime)
     for group, choice in {".": command, **choices}.items() if config_dir else ():
         yaml_file.check_meaning(Path(str(config_dir), group, f"{choice}.yaml"))
-    return Composed(command, cfg, hydra, choices)
+    return Composed(command, words, cfg, hydra, choices)
 
 
 _composed_once = functools.lru_cache(maxsize=32)(_composed)

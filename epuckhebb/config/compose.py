@@ -8,7 +8,7 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 
 from epuckhebb.config.catalogue import Composed, by_hydra
-from epuckhebb.config.overrides import OF_ENVIRONMENT, check_words, for_hydra, values_of
+from epuckhebb.config.overrides import OF_ENVIRONMENT, values_of
 from epuckhebb.config.resolve import resolve
 from epuckhebb.config.schema import SCHEMAS, Config, Plain, plain, typed, value_as_declared
 from epuckhebb.runtime import ConfigError
@@ -19,10 +19,10 @@ _REFERENCE = re.compile(rf"\$\{{[^}}]*\b({'|'.join(_ALONE)})\b")
 
 def load(schema: type[Config], overrides: list[str], config_dir: str | None = None) -> Config:
     """The checked configuration of a command, that of the schema: `conf/`, the user's folder and overrides as typed."""
-    found = composed_with_hydra(schema.command, overrides, config_dir)
-    if found.command != schema.command:
+    config = load_any(schema.command, overrides, config_dir)
+    if not isinstance(config, schema):
         raise ConfigError(f"{' '.join(overrides)}: environments are for `epuckhebb evolve`, `evaluate` and `sweep`")
-    return typed(found.cfg, schema)
+    return config
 
 
 def load_any(command: str, overrides: list[str], config_dir: str | None = None) -> Any:
@@ -38,21 +38,15 @@ def composed(command: str, overrides: list[str], config_dir: str | None = None) 
 
 def composed_with_hydra(command: str, overrides: list[str], config_dir: str | None) -> Composed:
     """The same, with what Hydra keeps for itself."""
-    found, words = _by_hydra(command, overrides, config_dir)
-    resolve(found.command, found.cfg, found.choices, words, config_dir)
+    found = by_hydra(command, overrides, config_dir)
+    resolve(found.command, found.cfg, found.choices, found.words, config_dir)
     return found
 
 
 def swept_values(overrides: list[str], config_dir: str | None = None) -> dict[str, str]:
     """For each key the values that a named sweep of `evaluate` gives it; empty if the overrides name none."""
-    params = _by_hydra("evaluate", overrides, config_dir)[0].hydra.sweeper.params
+    params = by_hydra("evaluate", overrides, config_dir).hydra.sweeper.params
     return {str(key): str(values) for key, values in (params or {}).items()}
-
-
-def _by_hydra(command: str, overrides: list[str], config_dir: str | None) -> tuple[Composed, list[str]]:
-    name, words = for_hydra(command, overrides)
-    check_words(name, words)
-    return by_hydra(name, words, config_dir), words
 
 
 def configurations(

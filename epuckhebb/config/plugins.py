@@ -77,10 +77,6 @@ class OwnFile:
         beside = {str(self.path.parent / place): source for place, source in self.sources.items()}
         return {path: _sha256(source) for path, source in {**beside, **self.elsewhere}.items()}
 
-    def place_of(self, file: Path) -> str:
-        """The place of a file below the folder of this one."""
-        return file.relative_to(self.path.parent).as_posix()
-
     @property
     def is_unchanged(self) -> bool:
         """Whether all files are as they were loaded."""
@@ -199,7 +195,7 @@ class _Finder(MetaPathFinder):
         found = importlib.util.spec_from_file_location(name, own.path) if is_named else PathFinder.find_spec(name, path)
         if found is not None and found.has_location:
             file = Path(str(found.origin))
-            own.sources[own.place_of(file)] = file.read_bytes()
+            own.sources[file.relative_to(own.path.parent).as_posix()] = file.read_bytes()
             if isinstance(found.loader, SourceFileLoader):
                 found.loader = _Loader(name, str(file))
         return found
@@ -211,7 +207,7 @@ class _Loader(SourceFileLoader):
     def get_code(self, fullname: str) -> CodeType:
         """The code of the file as it is now; a compiled copy may be older."""
         own = _packages[fullname.partition(".")[0]]
-        self.content = own.sources[own.place_of(Path(self.path))]  # by which kernels are named
+        self.content = own.sources[Path(self.path).relative_to(own.path.parent).as_posix()]  # it names kernels
         code: CodeType = self.source_to_code(self.content, self.path)
         return code
 

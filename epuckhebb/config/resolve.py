@@ -182,7 +182,7 @@ def training_world(config: WorldConfig, evolved_in: str = "") -> Scenario:
     physics = part_from("physics", config.physics, "physics")
     if physics.name != name:
         physics = part_from("physics", _physics(name), "physics")
-    cfg = by_hydra("evaluate", [f"scenario={TRAINED[experiment]}"], None).cfg
+    cfg = by_hydra("evaluate", [f"scenario={TRAINED[experiment]}"]).cfg
     cfg.scenario.name = TRAINED[experiment]
     if config.maze.get("name") not in [change.get("maze") for change in config.change.values()]:
         cfg.maze = config.maze

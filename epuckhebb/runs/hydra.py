@@ -115,7 +115,7 @@ def _run_one(command: str, job: Callable[[Job], None], overrides: list[str], con
         is_hydras = override.lstrip("+~").startswith(("hydra.", "hydra/"))
         if is_hydras and not override.startswith((RUN_DIR, "hydra.searchpath=")):
             raise ConfigError(f"{override} does nothing in one run; give {RUN_DIR}FOLDER, or -m for many runs")
-    _, cfg, hydras, _ = composed_with_hydra(command, overrides, config_dir)
+    _, _, cfg, hydras, _ = composed_with_hydra(command, overrides, config_dir)
     config = typed(cfg, SCHEMAS[command])
     cfg.hydra = hydras
     try:
