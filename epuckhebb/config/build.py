@@ -15,7 +15,7 @@ from epuckhebb.controller.plasticity.rule import NO_RULE, NoRule, Reward, Rule, 
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.controller.wiring import Wiring
 from epuckhebb.evolution.optimizer import Algorithm
-from epuckhebb.runtime import ConfigError
+from epuckhebb.runtime import ConfigError, refusing
 from epuckhebb.tmaze.individual import CONTROLS, GA, Controller
 from epuckhebb.tmaze.lifetime_kernel import check_inputs
 from epuckhebb.tmaze.maze import Maze, Place, Pose, Side
@@ -102,11 +102,9 @@ def compared(name: str, settings: Any, paper_rate: float) -> Controller:
     given = part_settings(Adaptation, given, place, "an adaptation", change_signal=str)
     if own["rule"] != NONE:
         own.setdefault("N", paper_rate)
-    try:
+    with refusing(lambda error: f"{key}: {error}", (ValueError, TypeError)):
         adaptation = with_signal(Adaptation(**{**given, "name": name}), place) if given else Adaptation()
         return Controller(name=name, rule=rule_from(own, key), adaptation=adaptation)
-    except (ValueError, TypeError) as error:
-        raise error if isinstance(error, ConfigError) else ConfigError(f"{key}: {error}") from error
 
 
 def with_controls(controller: Controller, task: Task) -> list[Controller]:
@@ -184,10 +182,8 @@ def scenario_from(
 
 def check_library(world: Scenario) -> None:
     """Refuse a physics whose library is not installed."""
-    try:
+    with refusing():
         world.physics.check_library()
-    except ValueError as error:
-        raise ConfigError(str(error)) from error
 
 
 def network_for(world: Scenario, shape: Shape) -> Network:

@@ -25,7 +25,7 @@ from epuckhebb.controller.wiring import LAYERS, Wiring
 from epuckhebb.evolution.evolve import evolved_plan
 from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.evolution.training import UNVARIED
-from epuckhebb.runtime import ConfigError, conf, did_you_mean, path_of
+from epuckhebb.runtime import ConfigError, conf, did_you_mean, path_of, refusing
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.worlds.changes import AT, FUNCTION
 from epuckhebb.worlds.environment import Environment, World
@@ -142,12 +142,15 @@ def world_of(settings: Environment) -> World:
 
 def _make(settings: Environment, **more: Any) -> Any:
     """An environment of Gymnasium, or of a class of the user's; a ConfigError if it cannot be made."""
-    try:
+    with refusing(lambda _: f"environment={settings.name} needs Gymnasium: {_INSTALL}", ImportError):
         import gymnasium
-    except ImportError as error:
-        raise ConfigError(f"environment={settings.name} needs Gymnasium: {_INSTALL}") from error
-    options = {**settings.options, **more}
-    try:
+    options, missing = {**settings.options, **more}, (ImportError, gymnasium.error.DependencyNotInstalled)
+
+    def reason(error: Exception) -> str:  # of a user's code, or of a library that is missing
+        hint = f"; environments of MuJoCo: {_INSTALL}" if isinstance(error, missing) else ""
+        return f"environment.id={settings.id}: {type(error).__name__}: {error}{hint}"
+
+    with refusing(reason, Exception):
         if ".py:" in settings.id:
             kind: Any = class_named(settings.id, gymnasium.Env, "environment.id")
             return kind(**options)
@@ -156,15 +159,6 @@ def _make(settings: Environment, **more: Any) -> Any:
 
             mujoco.set_mju_user_warning(lambda _: None)  # else each environment prints one, and writes a file here
         return gymnasium.make(settings.id, max_episode_steps=settings.horizon, disable_env_checker=True, **options)
-    except ConfigError:
-        raise
-    except Exception as error:  # of a user's code, or of a library that is missing
-        hint = (
-            f"; environments of MuJoCo: {_INSTALL}"
-            if isinstance(error, ImportError | gymnasium.error.DependencyNotInstalled)
-            else ""
-        )
-        raise ConfigError(f"environment.id={settings.id}: {type(error).__name__}: {error}{hint}") from error
 
 
 def _function(text: Any) -> Callable[[Any], None]:

@@ -4,7 +4,7 @@ from typing import Any
 
 import msgspec
 
-from epuckhebb.runtime import ConfigError, path_of
+from epuckhebb.runtime import path_of, refusing
 
 NAME = "hand.json"  # of the copy in a run folder
 _KEY = "scenario.hand"
@@ -12,18 +12,14 @@ _KEY = "scenario.hand"
 
 def read(text: str) -> tuple[dict[str, Any], ...]:
     """The changes in a file, as those of `scenario.changes`."""
-    try:
+    with refusing(lambda error: f"{_KEY}={text} must be a file of `epuckhebb play`: {error}", msgspec.DecodeError):
         return tuple(msgspec.json.decode(content(text), type=list[dict[str, Any]]))
-    except msgspec.DecodeError as error:
-        raise ConfigError(f"{_KEY}={text} must be a file that `epuckhebb play` wrote: {error}") from error
 
 
 def content(text: str) -> bytes:
     """The bytes of a file of changes."""
-    try:
+    with refusing(lambda error: f"{_KEY}={text} cannot be read: {error.strerror}", OSError):
         return path_of(text, _KEY).read_bytes()
-    except OSError as error:
-        raise ConfigError(f"{_KEY}={text} cannot be read: {error.strerror}") from error
 
 
 def written(changes: list[dict[str, Any]]) -> bytes:

@@ -22,7 +22,7 @@ from epuckhebb.evolution import optimizers
 from epuckhebb.evolution.optimizer import Optimizer
 from epuckhebb.flock import couplings
 from epuckhebb.flock.coupling import Coupling
-from epuckhebb.runtime import ConfigError
+from epuckhebb.runtime import ConfigError, refusing
 from epuckhebb.tmaze import physics, tasks
 from epuckhebb.tmaze.fitness import Signal
 from epuckhebb.tmaze.own_fitness import Fitness
@@ -89,10 +89,8 @@ def part_class(kind: str, name: Any, key: str) -> Any:
     row, key = KINDS[kind], f"{key}.{KINDS[kind].key}"
     if ":" in str(name):
         part: Any = class_named(name, row.base, key)
-        try:
+        with refusing(lambda error: f"{key}={name}: {error}"):
             part.check_class()
-        except ValueError as error:
-            raise ConfigError(f"{key}={name}: {error}") from error
         return part
     if name not in row.names:
         names = [

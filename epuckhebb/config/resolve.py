@@ -22,7 +22,7 @@ from epuckhebb.config.parts import KINDS, NONE, PAPER, part_class, part_from
 from epuckhebb.config.schema import WorldConfig, plain
 from epuckhebb.config.values import literal
 from epuckhebb.controller.wiring import LAYERS
-from epuckhebb.runtime import ConfigError, conf, data_folder, path_of
+from epuckhebb.runtime import ConfigError, conf, data_folder, path_of, refusing
 from epuckhebb.tmaze.individual import HEBBIAN
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.scenario import TRAINED, Scenario
@@ -37,7 +37,7 @@ def resolve(
 ) -> None:
     """Complete a configuration as Hydra composed it; it is changed. choices: of each group."""
     OmegaConf.set_struct(cfg, False)
-    try:
+    with refusing(explain, OmegaConfBaseException):
         if "environment" in cfg:  # first, since rows of rules refer to the maze
             environments.complete(cfg, choices, overrides)
         find_own_files(cfg)
@@ -45,8 +45,6 @@ def resolve(
             _complete_classes(cfg)
         elif "scenario" in cfg and cfg.get("changed") is None:
             _resolve(command, cfg, dict(choices), overrides, config_dir)
-    except OmegaConfBaseException as error:
-        raise ConfigError(explain(error)) from error
 
 
 def _resolve(

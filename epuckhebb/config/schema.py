@@ -25,7 +25,7 @@ from epuckhebb.evolution.evolve import evolved_plan
 from epuckhebb.evolution.optimizer import Algorithm
 from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.evolution.training import Training
-from epuckhebb.runtime import ConfigError
+from epuckhebb.runtime import refusing
 from epuckhebb.tmaze.individual import GA_ALONE
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
@@ -55,10 +55,8 @@ class Checked:
 
 def plain(cfg: DictConfig) -> Plain:
     """A composed configuration as plain values, every reference resolved; a ConfigError if one leads nowhere."""
-    try:
+    with refusing(explain, OmegaConfBaseException):
         values = OmegaConf.to_container(cfg, resolve=True, enum_to_str=True)
-    except OmegaConfBaseException as error:
-        raise ConfigError(explain(error)) from error
     assert isinstance(values, dict)
     return {str(key): value for key, value in values.items()}
 
@@ -247,12 +245,8 @@ def structured(command: str) -> DictConfig:
 
 def typed(cfg: DictConfig, schema: type[Config]) -> Config:
     """The composed configuration as plain dataclasses, checked."""
-    try:
+    with refusing(explain, (ValueError, OmegaConfBaseException)):
         config: Any = OmegaConf.to_object(cfg)
-    except ConfigError:
-        raise
-    except (ValueError, OmegaConfBaseException) as error:
-        raise ConfigError(explain(error)) from error
     assert isinstance(config, schema)
     config.composed = cfg
     return config
@@ -260,21 +254,16 @@ def typed(cfg: DictConfig, schema: type[Config]) -> Config:
 
 def from_values(values: Plain, schema: type[Config], source: str) -> Config:
     """The configuration of plain values, all names among them. source: where they come from, for messages."""
-    try:
+    with refusing(lambda error: f"{source} cannot be used: {explain(error)}", Exception):  # damaged ones may raise any
         cfg = OmegaConf.merge(_keys_of(cast(Any, schema)), literal(values))
         assert isinstance(cfg, DictConfig)
-    except Exception as error:  # what damaged settings may raise has no end
-        reason = explain(error) if isinstance(error, OmegaConfBaseException) else error
-        raise ConfigError(f"{source} cannot be used: {reason}") from error
     return typed(cfg, schema)
 
 
 def value_as_declared(key: str, value: Any, command: str) -> Any:
     """A value of a key of a command, of the type that the schema declares."""
-    try:
+    with refusing(explain, OmegaConfBaseException):
         keys: Any = OmegaConf.merge(_keys_of(SCHEMAS[command]), {key: literal(value)})
-    except OmegaConfBaseException as error:
-        raise ConfigError(explain(error)) from error
     return keys[key]
 
 

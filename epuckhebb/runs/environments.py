@@ -29,7 +29,6 @@ from epuckhebb.controller import random
 from epuckhebb.controller.compiling.sources import own_code
 from epuckhebb.controller.controller import Controller
 from epuckhebb.controller.genome import plan_of
-from epuckhebb.controller.own_class import PartError
 from epuckhebb.controller.plasticity.control import Sign, signs
 from epuckhebb.controller.random import Stream
 from epuckhebb.evolution.evolve import Generation, search_generations
@@ -37,7 +36,7 @@ from epuckhebb.evolution.search import Search, check_start
 from epuckhebb.runs import hydra
 from epuckhebb.runs.evaluate import check_rules, compiling, prepare_evaluation, write_figure
 from epuckhebb.runs.evolve import PreparedEvolution, prepare_evolution
-from epuckhebb.runtime import ConfigError
+from epuckhebb.runtime import ConfigError, refusing
 from epuckhebb.store import Genome, RunFolder, digest, load_genome
 from epuckhebb.worlds.environment import Lived
 
@@ -173,10 +172,8 @@ class PreparedEnvironmentEvolution(PreparedEvolution):
 @prepare_evolution.register
 def _(config: EvolveEnvironment, *, has_genome: bool = True) -> PreparedEnvironmentEvolution:  # noqa: ARG001
     network = config.network_made
-    try:
+    with refusing():
         check_start(config.algorithm, config.plan, config.seed)
-    except PartError as error:
-        raise ConfigError(str(error)) from error
     if Search(config.algorithm, config.plan, config.seed).measures:
         raise ConfigError(f"optimizer {config.algorithm.name}: `tell` gets fitness alone in an environment")
     return PreparedEnvironmentEvolution(config=config, network=network, plan=plan_of(network, type(config.rule)))
@@ -289,13 +286,9 @@ def film(config: EvaluateEnvironment) -> bytes:
         if next(step) % every == 0:
             frames.append(Image.fromarray(env.render()).reduce(2))
 
-    try:
+    what, hint = f"environment={config.world.name} cannot be drawn here", "without a screen, MuJoCo needs MUJOCO_GL="
+    with refusing(lambda error: f"{what}: {error}; {hint}osmesa or egl", Exception):  # a library may raise anything
         config.world.live(_controller(config, work), work.seeds[0], watch=watch)
-    except Exception as error:  # of a library that draws, which may raise anything
-        raise ConfigError(
-            f"environment={config.world.name} cannot be drawn here: {error}; without a screen, MuJoCo needs "
-            "MUJOCO_GL=osmesa or egl"
-        ) from error
     buffer = io.BytesIO()
     frames[0].save(buffer, "GIF", save_all=True, append_images=frames[1:], duration=_FRAME_MS, loop=0)
     return buffer.getvalue()

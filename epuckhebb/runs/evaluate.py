@@ -34,7 +34,7 @@ from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, Rule, e
 from epuckhebb.controller.wiring import LAYERS, Wiring
 from epuckhebb.runs import hydra
 from epuckhebb.runs.notes import notes_of
-from epuckhebb.runtime import ConfigError, data_folder, saying_if_slow
+from epuckhebb.runtime import ConfigError, data_folder, refusing, saying_if_slow
 from epuckhebb.store import Genome, RunFolder, as_npz, digest, load_genome, traces_arrays
 from epuckhebb.tmaze.batch import load_kernel
 from epuckhebb.tmaze.individual import GA_ALONE, Controller
@@ -248,11 +248,8 @@ def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:
 @contextmanager
 def compiling() -> Iterator[None]:
     """Time in which kernels are loaded or compiled; what cannot be compiled is a ConfigError."""
-    try:
-        with saying_if_slow("Compiling; a first start takes some ten seconds, later ones do not."):
-            yield
-    except ValueError as error:  # a NotCompiledError among them
-        raise ConfigError(str(error)) from error
+    with saying_if_slow("Compiling; a first start takes some ten seconds, later ones do not."), refusing():
+        yield
 
 
 def compile_for(controllers: Sequence[Controller], network: Network, world: Scenario) -> None:

@@ -29,7 +29,7 @@ from epuckhebb.config import (
 )
 from epuckhebb.controller.genome import GenomePlan, plan_of
 from epuckhebb.controller.network import Network
-from epuckhebb.controller.own_class import PartError, name_of
+from epuckhebb.controller.own_class import name_of
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.plasticity.rule import NoRule
 from epuckhebb.evolution.evolve import Generation, evolve, training_signs, with_given
@@ -37,7 +37,7 @@ from epuckhebb.evolution.optimizer import limits
 from epuckhebb.evolution.search import Results, Search, check_start
 from epuckhebb.runs import hydra
 from epuckhebb.runs.evaluate import check_genome, compile_for, write_figure
-from epuckhebb.runtime import ConfigError, bar, path_of, say, thread_count
+from epuckhebb.runtime import ConfigError, bar, path_of, refusing, say, thread_count
 from epuckhebb.store import (
     CHAMPION,
     CHECKPOINT,
@@ -204,10 +204,8 @@ def prepare_evolution(config: Any, *, has_genome: bool = True) -> Any:
                 "training.season and training.rehearsal need another world than the training world of the experiment, "
                 f"got scenario={world.name}; give one, as scenario=lowlight or change=[slip_left]"
             )
-    try:
+    with refusing():
         check_start(config.algorithm, config.plan, config.seed, start[1] if start else None)
-    except PartError as error:
-        raise ConfigError(str(error)) from error
     return PreparedEvolution(config=config, network=network, plan=plan, given=given, start=start, origin=origin)
 
 

@@ -33,7 +33,7 @@ from epuckhebb.config import (
 from epuckhebb.config.catalogue import USERS, VERSION_BASE, catalogue, choices_of
 from epuckhebb.config.compose import composed_with_hydra
 from epuckhebb.config.resolve import resolve
-from epuckhebb.runtime import ConfigError, JobFailedError, data_folder, exit_with_parent, thread_count
+from epuckhebb.runtime import ConfigError, JobFailedError, data_folder, exit_with_parent, refusing, thread_count
 from epuckhebb.store import check_folder_of_multirun, of_multirun
 
 _CHECKED_IN_FULL = 20  # a longer list of values is checked at its two ends
@@ -118,10 +118,8 @@ def _run_one(command: str, job: Callable[[Job], None], overrides: list[str], con
     _, _, cfg, hydras, _ = composed_with_hydra(command, overrides, config_dir)
     config = typed(cfg, SCHEMAS[command])
     cfg.hydra = hydras
-    try:
+    with refusing(explain, OmegaConfBaseException):
         path = Path(cfg.hydra.run.dir)
-    except OmegaConfBaseException as error:
-        raise ConfigError(explain(error)) from error
     del cfg.hydra
     own = [word for word in overrides if not word.lstrip("+~").startswith(("hydra.", "hydra/"))]
     job(Job(path, config, own, _facts(command, own, config_dir), thread_count(config.threads), in_multirun=False))
