@@ -29,7 +29,6 @@ from epuckhebb.cli.options import (
 from epuckhebb.runtime import JOB_FAILED, ConfigError, JobFailedError
 
 if TYPE_CHECKING:
-    from epuckhebb.config import EvolveConfig
     from epuckhebb.studies.study import Planned
 
 app = typer.Typer(
@@ -122,10 +121,7 @@ def evolve(overrides: Overrides = None, *, options: RunOptions) -> None:
         print_runs("evolve", [resume(words)], options)
         return
 
-    def check(config: "EvolveConfig") -> None:
-        prepare_evolution(config).compile()
-
-    run_command("evolve", evolve_job, check, words, options)
+    run_command("evolve", evolve_job, lambda config: prepare_evolution(config).compile(), words, options)
 
 
 @app.command(cls=Command)

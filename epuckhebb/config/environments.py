@@ -81,11 +81,10 @@ class EnvironmentConfig(Checked):
         def text(key: str, value: Any) -> str:
             return str(value).rpartition(":")[2] if key == FUNCTION else f"{key}={value_text(value, key)}"
 
-        changes = (
-            (" ".join(text(*item) for item in one.items() if item[0] != AT), one[AT])
+        return ", ".join(
+            f"{' '.join(text(*item) for item in one.items() if item[0] != AT)} at {one[AT]}"
             for one in self.environment.changes
         )
-        return ", ".join(f"{what} at {step}" for what, step in changes)
 
     @property
     def controllers(self) -> list[Tested]:

@@ -114,8 +114,6 @@ def part_from(kind: str, settings: Mapping[str, Any], key: str) -> Any:
     values = part_settings(part, own, key, f"{kind} {name}", **more)
     try:
         return part(**values)
-    except KeyboardInterrupt:
-        raise
-    except BaseException as error:  # a user's own checks may even leave Python
+    except (Exception, SystemExit) as error:  # a user's own checks may even leave Python
         message = str(error).replace("hebbian.", f"{key}.", 1)
         raise ConfigError(message if key in message else f"{key}.{which}={name}: {message}") from error

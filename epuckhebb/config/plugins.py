@@ -154,9 +154,7 @@ def load(file: Path, key: str) -> OwnFile:
         for name, module in list(sys.modules.items()):
             if name.startswith(f"{own.package}."):
                 own.elsewhere.update(sources_elsewhere(module))
-    except KeyboardInterrupt:
-        raise
-    except BaseException as error:  # a file may even leave Python
+    except (Exception, SystemExit) as error:  # a file may even leave Python
         _unload(own.package)
         why = f"{type(error).__name__}: {error}".replace(f"{own.package}.", "")
         raise ConfigError(f"{key}: {own_place(error) or path} cannot be imported: {why}") from error

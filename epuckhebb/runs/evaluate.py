@@ -121,20 +121,19 @@ class PreparedEvaluation:
         if config.scenario.hand is not None:
             run.write(hand.NAME, hand.content(config.scenario.hand))
         metrics, traces = self.run(nominal, threads)
+        run.write("metrics.csv", metrics)
         if config.world.task.has_trials:
             import pandas as pd  # takes a while to load, as does all that draws
 
             from epuckhebb.analysis import reversal
 
-            rows, trials = pd.DataFrame(metrics), pd.DataFrame(traces.trials)
-            shares = reversal.table(rows, trials, config.world.task, config.seed)
-            run.write("metrics.csv", rows)
+            trials = pd.DataFrame(traces.trials)
+            shares = reversal.table(pd.DataFrame(metrics), trials, config.world.task, config.seed)
             run.write("reversal_trials.csv", trials)
             run.write("reversal.csv", shares)
             run.write("reversal.md", reversal.readable(shares).markdown())
             write_figure(run, "reversal", config, genome.name, shares, trials)
         else:
-            run.write("metrics.csv", metrics)
             table, below = tables.paper_table(metrics), [*map(tables.plain, self.notes), tables.saturation(metrics)]
             run.write("table.csv", tables.flat(table))
             run.write("table.md", "\n".join([tables.to_markdown(table), *(f"{note}\n" for note in below if note)]))
