@@ -12,7 +12,6 @@ from epuckhebb.config.build import (
     network_for,
     with_controls,
 )
-from epuckhebb.config.changed import world_name
 from epuckhebb.config.compose import configurations, load, load_any, swept_values
 from epuckhebb.config.environments import EnvironmentConfig, EvaluateEnvironment, EvolveEnvironment, environment_of_run
 from epuckhebb.config.errors import explain
@@ -41,7 +40,7 @@ from epuckhebb.config.plugins import (
     own_sources,
     with_own_copies,
 )
-from epuckhebb.config.resolve import training_world
+from epuckhebb.config.resolve import training_world, world_name
 from epuckhebb.config.schema import (
     MOST_THREADS,
     SCHEMAS,

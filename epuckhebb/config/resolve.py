@@ -1,24 +1,26 @@
 """Completes a composed configuration: names, changes of the world, own files, and `changed`.
 
-A choice of a group is known by the name of its file or row, so that need not say `name:`. A configuration that has all
-names is left as it is.
+`changed` is what differs from the named world, as tables, folders and pages show it: the difference to a configuration
+that is composed of nothing but the choices that name the world. A choice of a group is known by the name of its file or
+row, so that need not say `name:`. A configuration that has all names is left as it is.
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from omegaconf import DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from epuckhebb.config import environments, yaml_file
+from epuckhebb.config import environments, hand, yaml_file
 from epuckhebb.config.build import scenario_from
 from epuckhebb.config.catalogue import BROUGHT, NULL, by_hydra, changes
-from epuckhebb.config.changed import differences, find_own_files, usual_world
 from epuckhebb.config.errors import explain
-from epuckhebb.config.parts import KINDS, NONE, PAPER, part_class, part_from
+from epuckhebb.config.overrides import parsed
+from epuckhebb.config.parts import KINDS, NONE, PAPER, PART_GROUPS, part_class, part_from
+from epuckhebb.config.plugins import own_references
 from epuckhebb.config.schema import WorldConfig, plain
 from epuckhebb.config.values import literal
 from epuckhebb.controller.wiring import LAYERS
@@ -30,6 +32,12 @@ from epuckhebb.tmaze.scenario import TRAINED, Scenario
 _NAMED = ("maze", "robot", "scenario", "hebbian", "training")  # groups whose settings have a name
 _OF_ANY_NUMBER = ("change", "experiment", "ga")  # groups of which no choice need be made, or several can
 _OF_GA = re.compile(r"[+~]*ga[.=]")  # an override of the genetic algorithm
+_PARTS = ("maze", "robot", "task", "fitness", "physics")  # groups whose choice `changed` names
+_SHOWN = ("scenario", "lifetime", "network", *_PARTS)  # groups whose values `changed` names
+_USUAL = ("training", "hebbian")  # more groups whose choice is as it is in what a configuration is compared with
+_COMPARED = (*_SHOWN, "training", "change", "experiment")  # keys and groups that can make a difference
+_RECORDING = "lifetime.record_every"  # changes nothing in a lifetime
+_LONGEST = 80  # characters of a world in the name of a folder
 
 
 def resolve(
@@ -194,3 +202,91 @@ def _physics(name: str) -> dict[str, Any]:
     if name not in known:
         raise ConfigError(f"physics must be one of {', '.join(known)}, got {name}")
     return yaml_file.load(data_folder("conf") / "physics" / f"{name}.yaml")
+
+
+class UsualWorld(NamedTuple):
+    """A configuration of nothing but the choices that name the world. differ: groups of parts with another choice."""
+
+    cfg: DictConfig
+    differ: list[str]
+
+
+def usual_world(
+    command: str, choices: Mapping[str, str], overrides: Sequence[str], config_dir: str | None
+) -> UsualWorld | None:
+    """What the choices that name the world are without anything else; None if nothing that counts differs from it.
+
+    The program's own choices are taken if there are such, so that a file of the user's that replaces one differs.
+    """
+    words = [(str(word.key_or_group), word) for word in parsed(overrides)]
+    naming = [word for key, word in words if key in ("scenario", "change") and not isinstance(word.value(), dict)]
+    others = [key for key, word in words if word not in naming and key != _RECORDING]
+    if config_dir is None and not any(key.partition(".")[0] in _COMPARED or key == "hebbian.rule" for key in others):
+        return None
+    changes_named = [str(word.input_line) for word in naming if word.key_or_group == "change"]
+
+    def usual(folder: str | None) -> UsualWorld:
+        named = [f"scenario='{choices['scenario']}'", *changes_named]
+        found = by_hydra(command, named, folder)
+        differ = [group for group in (*_PARTS, *_USUAL) if choices.get(group) != found.choices.get(group)]
+        if differ:
+            found = by_hydra(command, [*named, *(f"{group}='{choices[group]}'" for group in differ)], folder)
+        find_own_files(found.cfg)
+        return UsualWorld(found.cfg, [group for group in differ if group in _PARTS])
+
+    try:
+        return usual(None)
+    except ConfigError:  # a choice of the user's
+        return usual(config_dir)
+
+
+def differences(cfg: DictConfig, choices: Mapping[str, str], usual: UsualWorld) -> Iterator[str]:
+    """What differs from the named world, as overrides. What follows from another value is not repeated."""
+    yield from (f"{group}={choices[group]}" for group in usual.differ)
+    mine, its = _values(cfg, resolve=True), _values(usual.cfg, resolve=True)
+    if (wiring := mine["network.wiring"]) != LAYERS:
+        its |= {f"network.{field.name}": field.default for field in fields(part_class("wiring", wiring, "network"))}
+    raw, its_raw = _values(cfg, resolve=False), _values(usual.cfg, resolve=False)
+    for key, value in mine.items():
+        is_same = value == its.get(key, "null") or (key in its_raw and raw.get(key) == its_raw[key])
+        if is_same or key in (_RECORDING, "scenario.name"):
+            continue
+        shown = key.removeprefix("scenario.")
+        if shown == "hand":
+            yield f"{len(hand.read(value))} changes by hand"
+        elif shown == "changes":
+            for change in filter(lambda one: isinstance(one, Mapping), value):
+                settings = " ".join(f"{name}={_text(new)}" for name, new in dict(change).items() if name != "at_s")
+                yield f"{settings} at {_text(dict(change).get('at_s'))} s"
+        else:
+            yield f"{shown}={_text(value)}"
+
+
+def _values(cfg: DictConfig, *, resolve: bool) -> dict[str, Any]:
+    """The values that `changed` can name, by their dotted keys."""
+    groups = (group for group in _SHOWN if group in cfg)
+    return dict(conf.flat({one: OmegaConf.to_container(cfg[one], resolve=resolve, enum_to_str=True) for one in groups}))
+
+
+def _text(value: object) -> str:
+    """A value as `changed` has it, without spaces after commas; of a user's own class its name."""
+    if isinstance(value, Mapping):
+        return "{" + " ".join(f"{key}:{_text(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, list):
+        return f"[{','.join(map(_text, value))}]"
+    if isinstance(value, str) and ".py:" in value:
+        return value.rpartition(":")[2]
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def world_name(scenario: str, changed: str | None) -> str:
+    """A world as part of the name of a folder: the scenario, and what differs from it."""
+    parts = [scenario, *(changed.split(", ") if changed else [])]
+    return "+".join(re.sub(r"[^\w.]+", "-", part) for part in parts)[:_LONGEST].rstrip("+-")
+
+
+def find_own_files(cfg: DictConfig) -> None:
+    """Write down where the user's files are."""
+    groups = (group for group in (*PART_GROUPS, "environment") if group in cfg)
+    for part, key, path, name in list(own_references({group: cfg[group] for group in groups})):
+        part[key] = literal(f"{path.absolute()}:{name}")
