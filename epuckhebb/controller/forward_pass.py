@@ -67,11 +67,6 @@ def forward_pass(network: Network) -> Callable[..., None]:
     return forward
 
 
-def no_substeps(network: Network) -> Floats:
-    """Workspace for the activations of each substep, (substeps, neurons); without rows if there is one."""
-    return np.zeros((network.substeps if network.substeps > 1 else 0, network.neurons))
-
-
 def _responder(network: Network) -> Callable[..., None]:
     """The function `respond(begin, end, drive, activation, neurons)` that gives neurons their activations."""
     own = network.first_neuron[1]
