@@ -11,13 +11,13 @@ refractory + tau ln(I / (I - threshold)), in whole substeps (Gerstner et al. 201
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from epuckhebb.controller.hidden_layer import HiddenLayer
 from epuckhebb.controller.network import decayed
 from epuckhebb.controller.ranges import within
-from epuckhebb.controller.wirings.elman import Elman
 
 
 @dataclass(frozen=True, kw_only=True)
-class LIF(Elman):
+class LIF(HiddenLayer):
     """A spiking network with the synapses of Elman's. tau_s, refractory_s, readout_s: times [s]; threshold: of v."""
 
     state: ClassVar = {"v": 0.0, "rest_s": 0.0}
@@ -31,9 +31,7 @@ class LIF(Elman):
     readout_s: float = within(0, above=True, default=0.1)
 
     @staticmethod
-    def neuron(  # type: ignore[override]  # arguments go by name
-        drive: float, number: int, state: Any, step_s: float, by: Any
-    ) -> float:
+    def neuron(drive: float, number: int, state: Any, step_s: float, by: Any) -> float:
         """1 for a spike, else 0; of an output, the running mean."""
         if number >= by.hidden:
             state.v = drive + decayed(state.v - drive, step_s, by.readout_s)

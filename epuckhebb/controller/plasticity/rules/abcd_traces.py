@@ -9,17 +9,23 @@ Source: FireFly-P, arXiv 2601.21222, for the four terms of traces; the rest is a
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from epuckhebb.controller.evolved import Evolved
 from epuckhebb.controller.network import decayed
-from epuckhebb.controller.plasticity.rules.abcd import ABCD
+from epuckhebb.controller.plasticity.four_terms import FourTerms
+from epuckhebb.controller.plasticity.rule import InitialWeights
 from epuckhebb.controller.ranges import within
+
+_EACH = Evolved("synapse", start=1.0, limit=2.0)
 
 
 @dataclass(frozen=True, kw_only=True)
-class ABCDTraces(ABCD):
+class ABCDTraces(FourTerms):
     """Plasticity with five numbers a synapse, by spikes. trace_time_s: time constant of the traces [s]."""
 
     synapse_state: ClassVar = {"pre": 0.0, "post": 0.0}
+    evolved: ClassVar = dict.fromkeys(("A", "B", "C", "D", "eta"), _EACH)
 
+    initial_weights: InitialWeights = InitialWeights.random
     trace_time_s: float = within(0, above=True, default=0.02)
 
     @staticmethod
