@@ -17,35 +17,21 @@ def by_brian(drives, refractory_s):
 
     b.prefs.codegen.target = "numpy"
     b.defaultclock.dt = DT * b.second
-    names = {"I": b.TimedArray(drives, dt=DT * b.second), "tau": 20 * b.ms, "before": 20 * b.ms, "after": 20 * b.ms}
-    # It counts from the beginning of the step at whose end a neuron spikes.
-    neurons = b.NeuronGroup(
-        NEURONS,
-        "dv/dt = (I(t, i) - v) / tau : 1 (unless refractory)",
-        threshold="v >= 1",
-        reset="v = 0",
-        refractory=(refractory_s + DT) * b.second,
-        method="exact",
-        namespace=names,
-    )
-    synapses = b.Synapses(
-        neurons,
-        neurons,
-        """w : 1
-        da/dt = -a / before : 1 (event-driven)
-        db/dt = -b / after : 1 (event-driven)""",
-        on_pre={"move_a": "a += 1", "weaken": "w -= 1.05 * b"},
-        on_post={"move_b": "b += 1", "strengthen": "w += a"},
-        namespace=names,
-    )
+    names = {"I": b.TimedArray(drives, dt=DT * b.second), "tau": 20 * b.ms}
+    equation = "dv/dt = (I(t, i) - v) / tau : 1 (unless refractory)"
+    rest = (refractory_s + DT) * b.second  # from the beginning of the step at whose end a neuron spikes
+    rules = {"threshold": "v >= 1", "reset": "v = 0", "refractory": rest, "method": "exact"}
+    neurons = b.NeuronGroup(NEURONS, equation, **rules, namespace=names)
+    traces = "w : 1\nda/dt = -a / tau : 1 (event-driven)\ndb/dt = -b / tau : 1 (event-driven)"
+    on_pre = {"move_a": "a += 1", "weaken": "w -= 1.05 * b"}
+    on_post = {"move_b": "b += 1", "strengthen": "w += a"}
+    synapses = b.Synapses(neurons, neurons, traces, on_pre=on_pre, on_post=on_post, namespace=names)
     synapses.connect()
-    for path, order in ((synapses.move_a, 0), (synapses.move_b, 0), (synapses.weaken, 1), (synapses.strengthen, 1)):
-        path.order = order  # as here, traces before weights
+    synapses.weaken.order = synapses.strengthen.order = 1  # after the traces, as here
     spikes = b.SpikeMonitor(neurons)
     b.Network(neurons, synapses, spikes).run(SUBSTEPS * DT * b.second)
-    found = np.zeros((SUBSTEPS, NEURONS))
+    found, weights = np.zeros((SUBSTEPS, NEURONS)), np.zeros((NEURONS, NEURONS))
     found[np.rint(spikes.t / b.second / DT).astype(int), spikes.i] = 1.0
-    weights = np.zeros((NEURONS, NEURONS))
     weights[synapses.i, synapses.j] = synapses.w
     return found, weights
 
@@ -54,14 +40,12 @@ def by_brian(drives, refractory_s):
 def test_ten_spike_trains_and_their_weights_are_those_of_brian(refractory_s):
     drives = np.repeat(np.random.default_rng(7).uniform(-1, 5, (SUBSTEPS // 5, NEURONS)), 5, axis=0)
     expected, weights = by_brian(drives, refractory_s)
-    own, rule = LIF(refractory_s=refractory_s), STDP()
+    own, rule, found = LIF(refractory_s=refractory_s), STDP(), np.zeros((NEURONS, NEURONS))
     state = stored(own.state, NEURONS).view(np.recarray)
     spikes = [[own.neuron(drive, n, state[n], DT, own) for n, drive in enumerate(row)] for row in drives]
     np.testing.assert_array_equal(spikes, expected)
     assert (np.sum(spikes, axis=0) > 50).all()
-    found = np.zeros((NEURONS, NEURONS))
     for i, j in np.ndindex(found.shape):
         synapse = stored(rule.synapse_state, 1).view(np.recarray)[0]
-        for row in spikes:
-            found[i, j] += rule.synapse(row[i], row[j], synapse, DT, rule)
+        found[i, j] = sum(rule.synapse(row[i], row[j], synapse, DT, rule) for row in spikes)
     np.testing.assert_allclose(found, weights, atol=1e-9)

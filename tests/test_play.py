@@ -2,6 +2,7 @@
 
 import http.client
 import json
+import math
 import os
 import random
 import signal
@@ -18,7 +19,10 @@ from cases import refused
 
 import epuckhebb
 from epuckhebb.export.replay import page_of, recording
+from epuckhebb.flock.couplings.live_fitness import LiveFitness
+from epuckhebb.flock.plane import Flock, run
 from epuckhebb.live import page
+from epuckhebb.live.flock import LiveFlock
 from epuckhebb.live.server import Play
 from epuckhebb.live.world import LiveWorld
 from epuckhebb.runs import repeat
@@ -167,6 +171,8 @@ def test_a_life_that_has_ended_takes_no_wishes():
 
 def test_what_makes_no_world_is_refused(here):
     (here / "mine.json").write_text('[{"at_s": 1.0, "light": 1.0}]')
+    with pytest.raises(ConfigError, match="robots"):
+        LiveFlock(["flock", "flock.robots=1"])
     for words in (["scenario=nowhere"], ["genome=none.npz"], ["scenario.hand=mine.json"]):
         with pytest.raises(ConfigError):
             LiveWorld(words, "left")
@@ -359,6 +365,23 @@ def test_a_new_life_waits_for_its_page_and_may_have_a_genome_of_the_user(here, l
     assert not live.is_playing
     live.words.append("genome=mine.npy")  # typed, so a page may keep it
     assert do(live, do="new", words=["genome=mine.npy"]) == {}
+
+
+def test_a_flock_drives_as_that_of_a_study_until_somebody_moves_a_robot():
+    flock = LiveFlock(["flock", "flock=live_fitness"])
+    flock.wish({"coupling": "live_fitness"})
+    while flock.steps < 200 / STEP_S:
+        flock.run(7)
+    record = run(Flock(duration_s=200.0, at_s=100.0), LiveFitness(), 1100)
+    np.testing.assert_array_equal(flock._run.path[: len(record.path)], record.path)
+    with pytest.raises(ValueError, match="where another is"):
+        flock.wish({"put": [0, *flock.state()["poses"][1][:2]]})
+    flock.wish({"put": [9, 5.0, 5.0], "broken": 9})
+    assert flock.state()["poses"][9][:2] == [5.0, 5.0]
+    for values in ({"broken": 8}, {"broken": 10}, {"put": [0, math.nan, 0]}, {"coupling": "loud"}, {"put": 3}):
+        with pytest.raises((ValueError, TypeError)):
+            flock.wish(values)
+    assert (flock.state()["broken"], flock.state()["coupling"]) == (9, "live_fitness")
 
 
 def test_from_python(here):

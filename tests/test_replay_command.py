@@ -93,14 +93,14 @@ def test_replay_open(short_run, opened):
 
 
 def test_a_gallery_leaves_out_what_cannot_run_here_and_replaces_nothing(here, monkeypatch):
-    first, *_ = gallery.GALLERY
-    short = first._replace(words="evaluate lifetime.duration_s=2 repeats=1")
-    monkeypatch.setattr(gallery, "GALLERY", [short, first._replace(file="none.html", words="evaluate physics=none")])
+    short = {**gallery.EXHIBITS[0], "words": "evaluate lifetime.duration_s=2 repeats=1"}
+    none = {**short, "file": "none.html", "words": "evaluate physics=none"}
+    monkeypatch.setattr(gallery, "EXHIBITS", [short, none])
     result = done("export", "gallery", "--output", "site")
     assert "physics" in result.stderr
-    assert sorted(path.name for path in (here / "site").iterdir()) == ["index.html", short.file]
+    assert sorted(path.name for path in (here / "site").iterdir()) == ["index.html", short["file"]]
     index = (here / "site" / "index.html").read_text(encoding="utf-8")
-    assert f'<iframe src="{short.file}#preview"' in index
+    assert "showcase.html" in index
     assert "none.html" not in index
     assert "--output" in refused("export", "gallery", "--output", "site")
     assert "gallery" in refused("export", "reference")

@@ -67,9 +67,8 @@ class Network {
     this.c = c;
     this.canvases = stack();
     this.tip = element("p", { className: "tip" });
-    this.raster = element("canvas", { hidden: !SPIKING });
-    this.raster.setAttribute("role", "img");
-    this.raster.setAttribute("aria-label", "spikes of the neurons over time");
+    const meaning = "Spikes: a row for each neuron, a column for each recorded step; the darker, the more substeps had one";
+    this.raster = element("canvas", { hidden: !SPIKING, role: "img", title: meaning });
     const title = data.controllers[c], canvas = this.canvases.above;
     canvas.tabIndex = 0;
     canvas.setAttribute("aria-label", `${title}: its network of ${NEURONS} neurons and ${GENES} connections; up and down keys select a connection`);
@@ -172,14 +171,14 @@ class Network {
     if (SPIKING) this.drawSpikes(life, k);
   }
 
-  /** A row for each neuron, a column for each sample until now: the darker, the more of its substeps had a spike. */
+  /** Draw a row for each neuron, and a column for each sample until now. */
   drawSpikes(life, k) {
     const pen = this.rasterPen, right = this.raster.clientWidth, columns = Math.floor((right - this.x[0]) / TICK.width);
     pen.clearRect(0, 0, this.raster.width, this.raster.height);
     pen.fillStyle = colours.soft;
-    pen.fillText(`spikes of the last ${(columns * data.interval).toFixed(0)} s, a row for each hidden neuron, a column for each ${data.steps === 1 ? "step" : "recorded step"}`, this.x[0], SPIKING * TICK.height + 12);
+    pen.fillText(`spikes of the last ${(columns * data.interval).toFixed(0)} s`, this.x[0], SPIKING * TICK.height + 12);
     pen.fillStyle = colours.ink;
-    for (let past = 0; past < columns && k - past >= oldest; past++) {
+    for (let past = 0; past < columns && k - past >= 0; past++) {
       for (let i = 0; i < SPIKING; i++) {
         pen.globalAlpha = Math.min(1, 2 * life.activations[sampleAt(k - past) * OWN + i]);
         pen.fillRect(right - (past + 1) * TICK.width, i * TICK.height, TICK.width, TICK.height - 1);

@@ -2,7 +2,10 @@
 
 const PLAY = "M3 1.5v13L14 8z", PAUSE = "M3 2h3.5v12H3zM9.5 2H13v12H9.5z";
 let wanted = 0, last = 0;
-if (location.hash === "#preview") document.documentElement.dataset.preview = "";  // in a gallery: robots and time alone
+if (location.hash === "#preview") {  // in a gallery: robots and time alone, in its colours
+  document.documentElement.dataset.preview = "";
+  addEventListener("message", ({ data: wish }) => wish === "theme" && $("theme").click());
+}
 
 /** Numbers from little-endian 16-bit integers in base64, times a step. */
 function unpacked({ step, numbers }, count) {

@@ -133,7 +133,7 @@ def play(
     config_dir: ConfigDir = None,
     quiet: Quiet = False,
 ) -> None:
-    """A live world in the browser, to disturb by hand."""
+    """A live world in the browser, to disturb by hand; `play flock`: a flock."""
     import webbrowser
 
     from epuckhebb.live.server import Play
@@ -141,7 +141,9 @@ def play(
     from epuckhebb.runtime import be_quiet, say
 
     be_quiet(quiet)
-    words = as_evolved(with_genomes_named(overrides), config_dir)
+    words = list(overrides or ())
+    if words[:1] != ["flock"]:
+        words = as_evolved(with_genomes_named(words), config_dir)
     with Play(words, side, config_dir, port) as live, suppress(KeyboardInterrupt):
         say("Ctrl-C ends it.")
         typer.echo(live.address)  # from here on, Ctrl-C is how it is ended

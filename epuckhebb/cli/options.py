@@ -49,7 +49,7 @@ _EXAMPLES = {
     ],
     "replay": ["latest --open", "runs/evaluate/RUN --gif film.gif"],
     "figure": ["latest trajectories --format pdf --width 180"],
-    "play": ["scenario=4obstacles", "adaptation=novelty --side right"],
+    "play": ["scenario=4obstacles", "flock", "adaptation=novelty --side right"],
     "reproduce": ["--quick", "obstacles champions=40"],
     "leaderboard": ["--quick", "obstacles methods=modulated,abcd_shared", "all hydra/launcher=slurm"],
     "flock": ["--quick", "flock=live_fitness flock.breaks=knower"],

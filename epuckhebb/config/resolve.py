@@ -150,11 +150,8 @@ def _write_defaults(settings: DictConfig, kind: str, part: str, key: str) -> Non
     base: Any = KINDS[kind].base
     shared = {(field.name, field.default) for field in fields(base)} if kind in ("rule", "wiring") else set()
     for field in fields(part_class(kind, part, key)):
-        if (
-            (field.name, field.default) not in shared
-            and field.name not in settings
-            and isinstance(field.default, bool | int | float | str)
-        ):
+        is_new = field.name not in settings and (field.name, field.default) not in shared
+        if is_new and isinstance(field.default, bool | int | float | str):
             settings[field.name] = field.default
 
 

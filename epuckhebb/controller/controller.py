@@ -68,8 +68,7 @@ def _step(
     forward(weights, activation, workspace.drive, state.neurons, workspace.substeps)
     for k in range(SUBSTEPS):
         number = step * SUBSTEPS + k
-        seen = workspace.substeps[k] if SUBSTEPS > 1 else activation
-        read = average(state.recent, seen, number, workspace.mean)
+        read = average(state.recent, workspace.substeps[k] if SUBSTEPS > 1 else activation, number, workspace.mean)
         if HAS_RULE and rate > 0.0 and is_due(number, numbers):
             now = effective_rate(rate, 1.0, fitness, floor) * modulate(state.genotype.modulatory, read)
             context = StepContext(fitness, key, number, step_s / SUBSTEPS)

@@ -18,7 +18,7 @@ from epuckhebb.controller.compiling.kernel import compiled
 from epuckhebb.controller.compiling.simd import WIDTH, alike, plus, read, times, write
 from epuckhebb.controller.network import GivenOutputs, Network, tanh
 from epuckhebb.controller.own_class import number_of
-from epuckhebb.controller.wiring import OF_NEURON, Neurons
+from epuckhebb.controller.wiring import OF_NEURON
 
 MOST_BLOCKS = 16  # that are written out
 
@@ -48,13 +48,7 @@ def forward_pass(network: Network) -> Callable[..., None]:
     take_turns = compiled(eval(f"lambda weights, activation, drive, neurons: ({', '.join(calls)},)", functions))
 
     @compiled
-    def forward(
-        weights: Floats,
-        activation: Floats,
-        drive: Floats,
-        neurons: Neurons | None = None,
-        substeps: Any = None,
-    ) -> None:
+    def forward(weights: Floats, activation: Floats, drive: Floats, neurons: Any = None, substeps: Any = None) -> None:
         for number in range(count):
             take_turns(weights, activation, drive, neurons)
             if is_wired:

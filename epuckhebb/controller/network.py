@@ -182,8 +182,7 @@ def tanh(x: float) -> float:
 def decayed(value: float, step_s: float, time_s: float) -> float:
     """What a step leaves of a value that decays with this time constant: value e^(-step / time); 0 below 1e-100.
 
-    e^(-2x) = (1 - tanh x) / (1 + tanh x), so that it, too, is bit-identical on every processor. With numbers near the
-    smallest, 5e-324, a processor takes ten times as long.
+    e^(-2x) = (1 - tanh x) / (1 + tanh x) is bit-identical on every processor. Numbers near the smallest are slow.
     """
     half = tanh(0.5 * step_s / time_s)
     left = value * ((1.0 - half) / (1.0 + half))

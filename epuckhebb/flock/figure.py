@@ -1,11 +1,7 @@
 """Figures of `epuckhebb flock`: heading to the goal by time, and couplings before and after the break."""
 
-from collections.abc import Mapping
-
-import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from epuckhebb.analysis.charts import INK, KIND, SOFT
 from epuckhebb.analysis.image import in_house_style
@@ -43,26 +39,27 @@ def curves(table: pd.DataFrame, at_s: float, runs: int) -> Figure:
 
 
 @in_house_style()
-def couplings(shown: Mapping[str, NDArray[np.float64]], broken: int, knowers: int, runs: int) -> Figure:
-    """Who listens to whom just before the break and at the end, as shares of attention: a column for each coupling.
+def couplings(pairs: pd.DataFrame, broken: int, knowers: int, runs: int) -> Figure:
+    """Who listens to whom just before the break and at the end: a column for each coupling.
 
-    shown: the mean over flocks of both, (2, listeners, speakers).
+    pairs: of `tables.couplings`, with a column `coupling`.
     """
-    figure = Figure(figsize=(1.85 * len(shown) + 0.9, 4.4))
-    rows = figure.subplots(2, len(shown), squeeze=False)
-    most = max(float(both.max()) for both in shown.values())
-    robots = range(len(next(iter(shown.values()))[0]))
+    groups = pairs.groupby("coupling", sort=False)
+    figure = Figure(figsize=(1.85 * len(groups) + 0.9, 4.4))
+    rows = figure.subplots(2, len(groups), squeeze=False)
+    robots = range(pairs.listener.max() + 1)
     names = ["×" if robot == broken else "knows" if robot < knowers else str(robot) for robot in robots]
-    for panels, (coupling, both) in zip(rows.T, shown.items(), strict=True):
-        for axes, shares, when in zip(panels, both, ("before the break", "at the end"), strict=True):
-            drawn = axes.imshow(shares, cmap="Greys", vmin=0, vmax=most)
+    for panels, (coupling, own) in zip(rows.T, groups, strict=True):
+        for axes, when in zip(panels, ("before", "end"), strict=True):
+            shares = own.pivot_table(when, "listener", "speaker")
+            drawn = axes.imshow(shares, cmap="Greys", vmin=0, vmax=pairs[["before", "end"]].to_numpy().max())
             axes.spines[:].set_visible(False)
             axes.set_xticks(robots, names, rotation=90, fontsize=7)
             axes.set_yticks(robots, names if axes in rows[:, 0] else [], fontsize=7)
-            if axes in rows[:, 0]:
-                axes.set_ylabel(f"{when}\nlistener")
-        panels[0].set_title(title_of(coupling))
+        panels[0].set_title(title_of(str(coupling)))
         panels[1].set_xlabel("speaker")
+    for axes, when in zip(rows[:, 0], ("before the break", "at the end"), strict=True):
+        axes.set_ylabel(f"{when}\nlistener")
     figure.colorbar(drawn, ax=rows, label="share of the listener's attention", shrink=0.6, aspect=30)
     figure.suptitle(f"Mean of n = {runs} flocks; ×: the robot that breaks; knows: is given the goal")
     return figure

@@ -173,47 +173,70 @@ def _drive() -> Callable[..., None]:
     return kernel(drive, ())
 
 
+class FlockRun:
+    """A flock that drives, run with `advance`.
+
+    seed: of the headings at the start and of all noise, which is that of a robot whatever the coupling. done: decisions
+    that each robot has made. broken: the number of the robot that broke, -1 for none. weights: the couplings, the last
+    of `history`. motion: (robots, 6), the robots' places first.
+    """
+
+    def __init__(self, flock: Flock, seed: int) -> None:
+        self.flock, self.done, self.broken, count = flock, 0, -1, flock.robots
+        drawn, self._mixing = rng(seed, Stream.flock, 0), rng(seed, Stream.flock, 1)
+        self.space = PymunkSpace(np.zeros((0, 4)), EPUCK, count=count)
+        headings = drawn.uniform(-math.pi, math.pi, count).tolist()
+        places = (place._replace(heading=heading) for place, heading in zip(flock.places, headings, strict=True))
+        self.space.place_robot(*places)
+        self.motion = self.space.handles.state[: MOTION * count].reshape(count, MOTION)
+        keys = np.array([key(seed, Stream.flock, 2, robot) for robot in range(count)], np.uint64)
+        knows = (np.arange(count) < flock.knowers).astype(float)
+        self._band = _Band(
+            self.motion, np.zeros((count, 4)), np.ones(count), knows, keys, np.zeros(count), np.zeros(count)
+        )
+        self.weights = np.ones((count, count)) - np.eye(count)
+        self.history, self._x_before = [self.weights], self.motion[:, 0].copy()
+        self._turns, self.path = np.zeros((WINDOW, count)), np.zeros((-(-flock.decisions // RECORD), count, 3))
+        self.least = np.full(1, math.inf)
+
+    def break_robot(self, robot: int) -> None:
+        """Break a robot, for good: it is louder, and no longer knows the way."""
+        self.broken, self._band.loud[robot], self._band.knows[robot] = robot, self.flock.loudness, 0.0
+
+    def advance(self, until: int, coupling: Coupling, *, other: bool = False) -> None:
+        """Drive until before a decision; `run` has the arguments, and the errors."""
+        flock, band, space = self.flock, self._band, self.space.handles
+        noise, sight = float(flock.noise), float(flock.range_m)
+        while (first := self.done) < until:
+            self.done = min(until, (first // PERIOD + 1) * PERIOD)
+            _drive()(space, band, self.weights, noise, sight, first, self.done, self._turns, self.path, self.least)
+            if self.done % PERIOD:
+                continue
+            x = self.motion[:, 0].copy()
+            now = Moment(
+                self.weights,
+                transfer_entropy(np.roll(self._turns, -self.done % WINDOW, axis=0)),
+                (x - self._x_before) / (SPEED * EPUCK.wheel_radius_m * CHANGE_S),
+                self.broken,
+                self.done * DECISION_S,
+            )
+            self._x_before = x
+            if self.done >= WINDOW:
+                self.weights = changed(coupling, shuffled(now, self._mixing) if other else now)
+            self.history.append(self.weights)
+
+
 def run(flock: Flock, coupling: Coupling, seed: int, *, other: bool = False) -> Record:
-    """Run a flock. seed: of the headings at the start and of all noise, which is that of a robot whatever the coupling.
+    """Run a flock.
 
     other: whether the coupling is given the transfer entropy of other pairs and the fitness of other robots.
 
     Raises:
         PartError: the coupling gave no weights.
     """
-    count, broken = flock.robots, flock.broken
-    drawn, mixing = rng(seed, Stream.flock, 0), rng(seed, Stream.flock, 1)
-    space = PymunkSpace(np.zeros((0, 4)), EPUCK, count=count)
-    headings = drawn.uniform(-math.pi, math.pi, count).tolist()
-    space.place_robot(*(place._replace(heading=heading) for place, heading in zip(flock.places, headings, strict=True)))
-    motion = space.handles.state[: MOTION * count].reshape(count, MOTION)
-    keys = np.array([key(seed, Stream.flock, 2, robot) for robot in range(count)], np.uint64)
-    knows = (np.arange(count) < flock.knowers).astype(float)
-    band = _Band(motion, np.zeros((count, 4)), np.ones(count), knows, keys, np.zeros(count), np.zeros(count))
-    weights = np.ones((count, count)) - np.eye(count)
-    history, x_before = [weights], motion[:, 0].copy()
-    turns, path = np.zeros((WINDOW, count)), np.zeros((-(-flock.decisions // RECORD), count, 3))
-    least = np.full(1, math.inf)
-    breaks_at = round(flock.at_s / DECISION_S)
-    done = 0
-    for until in sorted({*range(PERIOD, flock.decisions, PERIOD), breaks_at, flock.decisions}):
-        _drive()(
-            space.handles, band, weights, float(flock.noise), float(flock.range_m), done, until, turns, path, least
-        )
-        done = until
-        if done % PERIOD == 0:
-            x = motion[:, 0].copy()
-            now = Moment(
-                weights,
-                transfer_entropy(np.roll(turns, -done % WINDOW, axis=0)),
-                (x - x_before) / (SPEED * EPUCK.wheel_radius_m * CHANGE_S),
-                broken if done > breaks_at else -1,
-                done * DECISION_S,
-            )
-            x_before = x
-            if done >= WINDOW:
-                weights = changed(coupling, shuffled(now, mixing) if other else now)
-            history.append(weights)
-        if done == breaks_at and broken >= 0:
-            band.loud[broken], knows[broken] = flock.loudness, 0.0
-    return Record(path, np.array(history), float(least[0]) - 2 * EPUCK.radius_m)
+    running = FlockRun(flock, seed)
+    running.advance(round(flock.at_s / DECISION_S), coupling, other=other)
+    if flock.broken >= 0:
+        running.break_robot(flock.broken)
+    running.advance(flock.decisions, coupling, other=other)
+    return Record(running.path, np.array(running.history), float(running.least[0]) - 2 * EPUCK.radius_m)

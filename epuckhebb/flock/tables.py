@@ -61,6 +61,15 @@ def shares(weights: NDArray[np.float64]) -> NDArray[np.float64]:
     return attention
 
 
+def couplings(flock: Flock, records: Sequence[Record]) -> pd.DataFrame:
+    """The mean share of the attention of each listener for each speaker, just before the break and at the end."""
+    at = int(flock.at_s / CHANGE_S)
+    before, end = np.mean([shares(record.weights[[at, -1]]) for record in records], axis=0)
+    listeners, speakers = (places.ravel() for places in np.indices(before.shape))
+    pairs = {"listener": listeners, "speaker": speakers, "before": before.ravel(), "end": end.ravel()}
+    return pd.DataFrame(pairs).round(6)
+
+
 def heading_cosine(flock: Flock, record: Record) -> NDArray[np.float64]:
     """The mean cosine of heading to the goal of the robots that do not break, (samples,)."""
     intact = [robot for robot in range(flock.robots) if robot != flock.broken]

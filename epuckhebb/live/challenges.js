@@ -53,7 +53,8 @@ function newLife() {
   begin(withWords(data.words, [...settings, ...seed]), $("side").value);
 }
 
-const anotherRobot = () => begin(withWords(data.words, [`genome=${anyChampion()}`]));
+/** A new life of another champion, all of which have the paper's network. */
+const anotherRobot = () => begin(withWords(data.words.filter((word) => !["network", "robot"].includes(keyOf(word))), [`genome=${anyChampion()}`]));
 
 /** Say whether the challenge is met; the button of each that was met has a tick. */
 function showChallenge() {

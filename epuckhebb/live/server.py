@@ -17,7 +17,8 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any, Self
 
-from epuckhebb.live import page
+from epuckhebb.live import flock, page
+from epuckhebb.live.flock import LiveFlock
 from epuckhebb.live.world import LiveWorld
 from epuckhebb.tmaze.robot import STEP_S
 
@@ -32,16 +33,15 @@ _LINKED = re.compile(r"(scenario|change|hebbian|adaptation|genome|seed|physics|m
 class Play:
     """A live world that is served; a context manager that ends it.
 
-    words: settings, as on the command line. port: any that is free if this is taken. world: the one that runs now, as
-    long as it is playing and somebody watches. life: its number. version: changes with whatever pages show besides
-    samples. news:
-    notified when there is something to show; whoever reads or changes anything holds it. watchers: how many pages
-    watch.
+    words: settings, as on the command line; after the word flock, those of a flock. port: any that is free if this is
+    taken. world: the one that runs now, as long as it is playing and somebody watches. life: its number. version:
+    changes with whatever pages show besides samples. news: notified when there is something to show; whoever reads or
+    changes anything holds it. watchers: how many pages watch.
     """
 
     def __init__(self, words: Sequence[str], side: str, config_dir: str | None = None, port: int = PORT) -> None:
-        self.world = LiveWorld(words, side, config_dir)
         self.words, self._config_dir = list(words), config_dir
+        self.world = self._new(words, side)
         self.news = threading.Condition()
         self.life, self.version, self.watchers = 0, 0, 0
         self.speed, self.is_playing, self.has_ended = 8.0, False, False
@@ -102,13 +102,18 @@ class Play:
             self._due += steps * lasts
         return steps > 0 and self._step(steps)
 
+    def _new(self, words: Sequence[str], side: str, changes: Sequence[dict[str, Any]] = ()) -> LiveWorld | LiveFlock:
+        if words[:1] == [flock.WORD]:
+            return LiveFlock(words, self._config_dir)
+        return LiveWorld(words, side, self._config_dir, changes)
+
     def _step(self, steps: int) -> bool:
-        before = self.world.robots[0].world
+        before = self.world.shown
         try:
             done = self.world.run(steps)
         except Exception as error:  # a robot is lost, or its rule cannot be run; pages go on, and may begin anew
             self.trouble, done = str(error) or type(error).__name__, 1
-        self.version += self.world.robots[0].world is not before or self.world.is_over or bool(self.trouble)
+        self.version += self.world.shown is not before or self.world.is_over or bool(self.trouble)
         return done > 0
 
     def do(self, wish: dict[str, Any]) -> dict[str, Any]:
@@ -129,10 +134,10 @@ class Play:
                     self._set(is_playing=False)
             case {"do": "new", "words": words}:
                 self._begin_anew(words, wish.get("side", self.world.side), wish.get("changes", ()))
-            case {"do": "link"}:
+            case {"do": "link"} if isinstance(self.world, LiveWorld):
                 with self.news:
                     return {"words": self.world.words, "side": self.world.side, "changes": self.world.changes}
-            case {"do": "save"}:
+            case {"do": "save"} if isinstance(self.world, LiveWorld):
                 with self.news:
                     return self.world.save()
         return {}
@@ -153,8 +158,7 @@ class Play:
                 raise ValueError(f"{word} is not for a page to set; type it after `epuckhebb play`")
         self._set(prepares=" ".join(word for word in words if word not in known) or "a new life")
         try:
-            world = LiveWorld(words, side, self._config_dir, changes)
-            self._set(world=world, is_playing=False, trouble="", life=self.life + 1)
+            self._set(world=self._new(words, side, changes), is_playing=False, trouble="", life=self.life + 1)
         finally:
             self._set(prepares="")
 
@@ -189,7 +193,7 @@ class _Handler(BaseHTTPRequestHandler):
         """Send the page, or the stream of what is new until the page has gone or the world has ended."""
         play = self.server.play
         if self.path == "/" and self._names_us():
-            text, policy = page.page()
+            text, policy = page.page(play.world.PAGE)
             self._begin("text/html; charset=utf-8", {"Content-Length": len(text), "Content-Security-Policy": policy})
             self.wfile.write(text)
         elif self.path == "/stream" and self._is_from_page():

@@ -76,6 +76,6 @@ async function ask(wish) {
 }
 
 function complain(text) {
-  (asker?.closest("#mazes") ?? asker ?? $("mazes")).after($("trouble"));
+  (asker?.closest("#mazes, #flocks") ?? asker ?? $("outcome")).after($("trouble"));
   $("trouble").textContent = text;
 }

@@ -85,7 +85,7 @@ class LiveMaze extends Maze {
     pen.moveTo(x, base);
     pen.lineTo(x, y - 30);
     pen.stroke();
-    pen.fillStyle = colours.fell;
+    pen.fillStyle = colours.won;
     pen.beginPath();
     pen.moveTo(x, y - 30);
     pen.lineTo(x + 20, y - 23);

@@ -24,11 +24,6 @@ from epuckhebb.tmaze.session import Session
 
 _LONGEST_S = 1200.0  # of a lifetime, unless one asks for another: all its samples are kept
 _SETTINGS = ("lifetime.duration_s", "lifetime.record_every", "repeats")  # of an evaluation; a world has its own
-_COMPARED = {  # columns of metrics.csv that tell whether a saved lifetime is the one that was seen
-    "path_length_m": "path_length",
-    "weight_change_mean": "weight_change_mean",
-    "fitness": "fitness",
-}
 
 
 class LiveWorld:
@@ -39,6 +34,8 @@ class LiveWorld:
 
     planned: changes by hand that are done in their time, those of another world like this one.
     """
+
+    PAGE = "play.html"
 
     def __init__(
         self, words: Sequence[str], side: str, config_dir: str | None = None, planned: Sequence[Mapping[str, Any]] = ()
@@ -74,6 +71,11 @@ class LiveWorld:
     def steps(self) -> int:
         """How many steps have been run."""
         return max(robot.steps for robot in self.robots)
+
+    @property
+    def shown(self) -> object:
+        """Pages are told of the world when this is another one."""
+        return self.robots[0].world
 
     @property
     def is_over(self) -> bool:
@@ -146,9 +148,6 @@ class LiveWorld:
         facts = {"command_line": ["epuckhebb", "play", *self.words, *more]}
         evaluate_into(run, config, words, facts, threads=1)
         metrics = Run(run).table("metrics.csv").query("side == @self.side").set_index("controller")
-        same = all(
-            float(metrics[column][controller.name]) == float(getattr(robot.outcome(), name))
-            for controller, robot in zip(self.controllers, self.robots, strict=True)
-            for column, name in _COMPARED.items()
-        )
+        seen = {one.name: robot.outcome().fitness for one, robot in zip(self.controllers, self.robots, strict=True)}
+        same = seen == metrics.fitness.to_dict()  # the mean over all steps, of all that robots sense and do
         return {"run": str(run), "same": same, "command": shlex.join(["epuckhebb", "evaluate", *words, *more])}

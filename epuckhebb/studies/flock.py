@@ -11,7 +11,6 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
-import numpy as np
 import pandas as pd
 
 from epuckhebb.analysis.tables import Table
@@ -23,7 +22,7 @@ from epuckhebb.flock import replay, tables
 from epuckhebb.flock.coupling import Coupling
 from epuckhebb.flock.couplings.frozen import Frozen
 from epuckhebb.flock.couplings.oracle import Oracle
-from epuckhebb.flock.plane import CHANGE_S, Flock, Record, run
+from epuckhebb.flock.plane import Flock, Record, run
 from epuckhebb.runs import hydra
 from epuckhebb.runtime import ConfigError, thread_count
 from epuckhebb.store import Run
@@ -143,45 +142,40 @@ class FlockStudy(Study):
         study = from_values(job, cls, "a job of flock")
         (condition,), threads = study.conditions, hydra.threads_of_job(study.threads)
         seeds = range(study.seed, study.seed + condition.repeats)
-        rows, minutes = [], []
+        rows, minutes, pairs = [], [], []
         for flock, row in product(condition.flocks, study.rows):
             here = {"breaks": flock.breaks, "coupling": row.name}
             records = _run_all([(row, flock, seed) for seed in seeds], threads)
+            pairs.append(tables.couplings(flock, records).assign(**here))
             for seed, record in zip(seeds, records, strict=True):
                 rows.append({**condition.settings, **here, "seed": seed, **tables.metrics_of(flock, record)})
                 for minute, cosine in enumerate(tables.by_minute(flock, record)):
                     minutes.append({**here, "seed": seed, "minute": minute + 0.5, "cosine": cosine})
-        return {"runs": pd.DataFrame(rows), "minutes": pd.DataFrame(minutes)}
+        return {"runs": pd.DataFrame(rows), "minutes": pd.DataFrame(minutes), "couplings": pd.concat(pairs)}
 
     def tables(self, runs: Sequence[Run]) -> dict[str, pd.DataFrame]:
         """See `Study`."""
         every = pd.concat([run.table("runs.csv") for run in runs], ignore_index=True)
-        curves = tables.curves(runs[0].table("minutes.csv"), self.seed)
-        return {"runs": every, "curves": curves, "flock": tables.table(every, self.seed)}
+        found = {"runs": every, "flock": tables.table(every, self.seed)}
+        found["curves"] = tables.curves(runs[0].table("minutes.csv"), self.seed)
+        return found | {"couplings": runs[0].table("couplings.csv")}
 
     def figures(self, run: Run) -> dict[str, "Figure"]:
-        """See `Study`; the flocks of the usual condition run again, with the last kind of break."""
+        """See `Study`; couplings are those of the usual condition, with the last kind of break."""
         from epuckhebb.flock import figure  # matplotlib takes a while to load
 
-        first, at = self.conditions[0].flocks[-1], int(self.flock.at_s / CHANGE_S)
-        means = {
-            row.name: np.mean([tables.shares(record.weights[[at, -1]]) for record in self.records(row)], axis=0)
-            for row in self.shown_rows
-        }
+        first, pairs = self.conditions[0].flocks[-1], run.table("couplings.csv")
+        pairs = pairs[(pairs.breaks == first.breaks) & ~pairs.coupling.str.endswith(_NOT_SHOWN)]
         return {
             "flock": figure.curves(run.table("curves.csv"), first.at_s, self.repeats),
-            "couplings": figure.couplings(means, first.broken, first.knowers, self.repeats),
+            "couplings": figure.couplings(pairs, first.broken, first.knowers, self.repeats),
         }
 
-    @property
-    def shown_rows(self) -> list[Row]:
-        """The rows of the figure of couplings, and of a replay: all but controls."""
-        return [row for row in self.rows if not row.name.endswith(_NOT_SHOWN)]
-
-    def records(self, row: Row, repeats: int | None = None) -> list[Record]:
-        """Run flocks of the usual condition with the last kind of break. repeats: None for all."""
-        flock, seeds = self.conditions[0].flocks[-1], range(self.seed, self.seed + (repeats or self.repeats))
-        return _run_all([(row, flock, seed) for seed in seeds], thread_count(self.threads))
+    def first_flock(self) -> tuple[Flock, dict[str, Record]]:
+        """The first flock of the usual condition, with the last kind of break, run with each coupling but controls."""
+        first, rows = self.conditions[0].flocks[-1], [row for row in self.rows if not row.name.endswith(_NOT_SHOWN)]
+        records = _run_all([(row, first, self.seed) for row in rows], thread_count(self.threads))
+        return first, {row.name: record for row, record in zip(rows, records, strict=True)}
 
     def page(self, run: Run, captions: Mapping[str, str]) -> str:
         """See `Study`."""
@@ -211,8 +205,7 @@ def plan(arguments: list[str], *, quick: bool = False, config_dir: str | None = 
 def replay_page(path: Path) -> str:
     """The page that replays a finished study: its first flock runs again."""
     study, done = FlockStudy.stored(Run(path)), Run(path).table("runs.csv")
-    flock = study.conditions[0].flocks[-1]
-    records = {row.name: study.records(row, 1)[0] for row in study.shown_rows}
+    flock, records = study.first_flock()
     for name, record in records.items():
         row = done[(done.coupling == name) & (done.breaks == flock.breaks) & (done.seed == study.seed)].iloc[0]
         if tables.metrics_of(flock, record)["long_after"] != row.long_after:
@@ -223,8 +216,7 @@ def replay_page(path: Path) -> str:
 def first_page() -> str:
     """The page of the study's first flock, which runs for it."""
     study = load(FlockStudy, [], None)
-    records = {row.name: study.records(row, 1)[0] for row in study.shown_rows}
-    return replay.page(study.conditions[0].flocks[-1], records, f"flock: seed {study.seed}")
+    return replay.page(*study.first_flock(), f"flock: seed {study.seed}")
 
 
 def _rows(keys: FlockKeys) -> list[Row]:

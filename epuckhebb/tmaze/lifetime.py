@@ -101,8 +101,7 @@ def decide(
     base_rate = rate = effective_rate(setup.rate, need, live_fitness, setup.floor)
     for k in range(SUBSTEPS):
         number = step * SUBSTEPS + k
-        seen = workspace.substeps[k] if SUBSTEPS > 1 else activation
-        read = average(life.recent, seen, number, workspace.mean)
+        read = average(life.recent, workspace.substeps[k] if SUBSTEPS > 1 else activation, number, workspace.mean)
         if HAS_RULE and setup.rate > 0.0 and need > 0.0:
             rate = base_rate * modulate(life.genotype.modulatory, read)
             if is_due(number, setup.rule):
@@ -210,7 +209,7 @@ def record(
     neurons = samples.activations.shape[1]
     for j in range(neurons):
         k, count = activation.shape[0] - neurons + j, substeps.shape[0]
-        total = 0.0 if count else activation[k]
-        for substep in range(count):
+        total = activation[k]  # of the last substep
+        for substep in range(count - 1):
             total += substeps[substep, k]
-        samples.activations[place, j] = total / max(1, count)
+        samples.activations[place, j] = total / count

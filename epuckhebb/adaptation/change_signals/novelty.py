@@ -9,22 +9,8 @@ import numpy as np
 
 from epuckhebb.adaptation.change_signal import ChangeSignal, NominalOfSide
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.compiling.kernel import compiled
 
 LEAST_SPREAD = 0.01  # of a reading: the noise of a light sensor
-
-
-@compiled
-def distance(readings: Floats, nominal: NominalOfSide) -> float:
-    """How far readings are from training, in its spreads: without or with the lamp, whichever fits better."""
-    least, inputs = np.inf, nominal.reading_mean.shape[1]
-    for lamp in range(2):
-        total = 0.0
-        for i in range(inputs):
-            away = abs(readings[i] - nominal.reading_mean[lamp, i])
-            total += away / (nominal.reading_spread[lamp, i] + LEAST_SPREAD)
-        least = min(least, total / inputs)
-    return least
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,5 +19,13 @@ class Novelty(ChangeSignal):
 
     @staticmethod
     def signal(readings: Floats, nominal: NominalOfSide) -> float:
-        """See `distance`."""
-        return distance(readings, nominal)
+        """Without or with the lamp, whichever fits better."""
+        least = np.inf
+        inputs = nominal.reading_mean.shape[1]
+        for lamp in range(2):
+            total = 0.0
+            for i in range(inputs):
+                away = abs(readings[i] - nominal.reading_mean[lamp, i])
+                total += away / (nominal.reading_spread[lamp, i] + LEAST_SPREAD)
+            least = min(least, total / inputs)
+        return least

@@ -1,23 +1,22 @@
-"""Spiking: a neuron that fires while the sensor readings are unlike those of its training world. It uses the senses.
+"""Spiking: a neuron that fires while the sensor readings are unlike those of its training world; its spikes a second.
 
-    tau v' = -v + novelty    spike and v = 0, if v >= threshold: up to that novelty the neuron is silent
-    rate'  = running mean of the spikes per second, which is the signal
+    tau v' = -v + novelty    v = 0 and a spike, if v >= threshold: up to that novelty the neuron is silent
 
-The paper wishes for a detector of change that depends on spikes. This is the least of its kind: one leaky
-integrate-and-fire neuron, as in `epuckhebb.controller.wirings.lif`, on the distance that the signal `novelty` is.
+The paper wishes for a detector of change that depends on spikes. This is the least of its kind.
 """
 
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from epuckhebb.adaptation.change_signal import RECENT_S, ChangeSignal, NominalOfSide
-from epuckhebb.adaptation.change_signals.novelty import distance
+from epuckhebb.adaptation.change_signals.novelty import Novelty
 from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.compiling.kernel import compiled
 from epuckhebb.controller.network import decayed
 from epuckhebb.tmaze.robot import STEP_S
 
-TAU_S = 0.5
-THRESHOLD = 2.0  # spreads; as in adaptation=novelty
+TAU_S, THRESHOLD = 0.5, 2.0  # s, spreads; the threshold is that of adaptation=novelty
+_novelty = compiled(Novelty.signal)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,11 +27,9 @@ class Spiking(ChangeSignal):
 
     @staticmethod
     def signal(readings: Floats, nominal: NominalOfSide, state: Any) -> float:
-        """Move the potential and the rate."""
-        drive = distance(readings, nominal)
+        """Move the potential and the running mean of the rate."""
+        drive = _novelty(readings, nominal)
         state.v = drive + decayed(state.v - drive, STEP_S, TAU_S)
-        spikes = 0.0
-        if state.v >= THRESHOLD:
-            state.v, spikes = 0.0, 1.0
-        state.rate = decayed(state.rate, STEP_S, RECENT_S) + spikes / RECENT_S
+        state.rate = decayed(state.rate, STEP_S, RECENT_S) + (state.v >= THRESHOLD) / RECENT_S
+        state.v *= state.v < THRESHOLD
         return float(state.rate)

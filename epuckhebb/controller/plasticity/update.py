@@ -154,10 +154,7 @@ class StepContext(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """Temporary arrays of a step; lifetimes that run one after the other may share them.
-
-    substeps: the activations of each substep, (substeps, neurons); without rows if there is one.
-    """
+    """Temporary arrays of a step; lifetimes that run one after the other may share them."""
 
     drive: Floats
     substeps: Floats
@@ -170,7 +167,7 @@ def workspace_for(network: Network) -> Workspace:
     """Workspace for this network."""
     return Workspace(
         drive=np.empty(network.neurons),
-        substeps=np.zeros((network.substeps if network.substeps > 1 else 0, network.neurons)),
+        substeps=np.empty((network.substeps, network.neurons)),
         synapses=np.empty((3, network.synapses)),
         change=np.empty(weight_change_workspace(network)),
         mean=np.empty(network.neurons),

@@ -1,7 +1,6 @@
 """Spike-timing-dependent plasticity by pairs: pre before post strengthens, post before pre weakens.
 
-    a_j' = a_j e^(-step / tau+) + x_j     traces of both neurons; x: 1 at a spike, else 0
-    a_i' = a_i e^(-step / tau-) + x_i
+    a'   = a e^(-step / tau) + x          traces of both neurons; x: 1 at a spike, else 0
     D    = A+ a_j' x_i - A- x_j a_i'
 
 A pair of spikes dt apart changes a weight by A+ e^(-dt / tau+), or by -A- e^(-dt / tau-). An activation between -1 and
