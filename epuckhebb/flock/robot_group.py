@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.errors import explained
 from epuckhebb.controller.compiling.kernel import SameTypes
+from epuckhebb.tmaze.faults import turn_wheels
 from epuckhebb.tmaze.individual import Individual
 from epuckhebb.tmaze.life import Life, Lifetime, Setup
 from epuckhebb.tmaze.maze import Pose, gap
@@ -29,7 +30,7 @@ _SHARED = ("side", "controller", "network")  # of an individual: one lamp, one k
 
 # The parts of a lifetime; `epuckhebb.tmaze.lifetime_kernel` puts them here.
 _part: Any = None
-decide = settle = to_goal = turn_wheels = move_all = _part
+decide = settle = to_goal = move_all = _part
 
 
 def decide_one(life: Life, setup: Setup, space: Any, motion: Floats, wheels: Floats, number: int) -> None:
@@ -68,8 +69,7 @@ class RobotGroup:
         self._sessions = [Session(one, world, self.lifetime, simulator=simulator) for one in individuals]
         first, count = individuals[0], len(individuals)
         self._decide, self._move = (
-            SameTypes(simulator.kernel(page, first.controller, first.network, simulator.more_faults))
-            for page in (decide_one, move_group)
+            SameTypes(simulator.kernel(page, first.controller, first.network)) for page in (decide_one, move_group)
         )
         self._space = PymunkSpace(world.boxes, world.robot, world.wall_friction, count)
         starts = [world.maze.start if one.start is None else one.start for one in individuals]

@@ -59,8 +59,7 @@ class Session:
         self.individual, self.lifetime = individual, Lifetime() if lifetime is None else lifetime
         self._simulator = simulator = Simulator(world, self.lifetime) if simulator is None else simulator
         self._phases = list(simulator.phases)
-        self._more_faults = simulator.more_faults
-        self._kind = kind = simulator.kind_of(individual.controller, individual.network, self._more_faults)
+        self._kind = kind = simulator.kind_of(individual.controller, individual.network)
         self._first = first = self._phases[0].scenario
         self._nominal = individual.nominal if individual.controller.adaptation.acts else None
         self._is_usual = self._nominal is None and individual.after is None
@@ -177,13 +176,6 @@ class Session:
                     f"a world may change during a lifetime, its {kind} may not: got {new.name} for {old.name}"
                 )
         self._phases = self._simulator.phases_of(world, self.steps, self._phase)
-        who, self._more_faults = self.individual, any(phase.faults.more for phase in self._phases)
-        now = self._simulator.kind_of(who.controller, who.network, self._more_faults)
-        if now.live is not self._kind.live:
-            # A kernel without delays has kept no readings: those before count as the last.
-            activation = self.life.activation
-            self.life.past[:] = np.append(activation[: world.robot.inputs], activation[who.network.first_output :])
-        self._kind = self._kind._replace(live=now.live, usual=now.usual)
         self._enter(self._phases.pop(0))
 
     def look(self) -> Floats:
@@ -192,7 +184,7 @@ class Session:
         self._move_to_new_walls()
         readings = np.zeros(self.individual.network.inputs)
         who = self.individual
-        kernel = self._simulator.kernel(look, who.controller, who.network, self._more_faults)
+        kernel = self._simulator.kernel(look, who.controller, who.network)
         kernel(self.life, self.setup, self._space.handles, readings)
         return readings
 

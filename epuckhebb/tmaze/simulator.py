@@ -73,8 +73,7 @@ class Simulator:
     def __init__(self, world: Scenario, lifetime: Lifetime, fallback_rule: Rule = _PAPER) -> None:
         self.world, self.lifetime, self._fallback_rule = world, lifetime, fallback_rule
         self.phases = self.phases_of(world)
-        self.more_faults = any(phase.faults.more for phase in self.phases)
-        self._kinds: dict[tuple[int, int, bool], Kind] = {}
+        self._kinds: dict[tuple[int, int], Kind] = {}
 
     def phases_of(self, world: Scenario, since: int = 0, before: Phase | None = None) -> list[Phase]:
         """The phases of a world from step `since` on. before: the phase until then."""
@@ -93,22 +92,21 @@ class Simulator:
             phases.append(Phase(step, replace(now, **AT_ONCE) if has_begun else now, space, walls, faults_of(now)))
         return phases
 
-    def kernel(self, page: Callable[..., None], controller: Controller, network: Network, more_faults: bool) -> Any:
+    def kernel(self, page: Callable[..., None], controller: Controller, network: Network) -> Any:
         """A function of `lifetime.py`, compiled for such individuals in this world."""
-        world, rule = self.world, self._fallback_rule if controller.is_ga_alone else controller.rule
-        choice = page, more_faults, world.task, world.fitness, world.physics, schedule_of(rule)
-        return kernel_of(type(rule), controller.adaptation, network, world.robot, *choice)
+        rule = self._fallback_rule if controller.is_ga_alone else controller.rule
+        return kernel_of(type(rule), controller.adaptation, network, self.world, page, schedule_of(rule))
 
-    def kind_of(self, controller: Controller, network: Network, more_faults: bool) -> Kind:
-        """What individuals with this controller and network share. more_faults: whether their kernel has these."""
-        place = (id(controller), id(network), more_faults)
+    def kind_of(self, controller: Controller, network: Network) -> Kind:
+        """What individuals with this controller and network share."""
+        place = (id(controller), id(network))
         if place in self._kinds:
             return self._kinds[place]
         rule, adaptation, robot = controller.rule, controller.adaptation, self.world.robot
         compiled_for = self._fallback_rule if controller.is_ga_alone else rule
         own = compiled_for is rule
         factor = self.lifetime.gain_rad_s / rule.N_gain_rad_s if rule.N_gain_rad_s else 1.0
-        kernel = self.kernel(live, controller, network, more_faults)
+        kernel = self.kernel(live, controller, network)
         self._kinds[place] = kind = Kind(
             live=kernel,
             usual=SameTypes(kernel),
