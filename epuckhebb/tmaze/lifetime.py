@@ -132,11 +132,11 @@ def perceive(
     readings: Floats,
 ) -> None:
     """Fill the inputs of the network, as sensors and task give them: with noise and faults."""
-    tally, noise = life.tally[0], life.workspace.noise
+    tally, noise = life.tally[0], life.senses.noise
     if setup.noise_level > 0.0:
         draw_noise(life.key, step, noise)
-    goal, workspace = Goal(setup.goal_x, setup.goal_y, tally.goal_distance), life.workspace.senses
-    sense(at.x, at.y, cos, sin, space, setup.lit, noise, setup.noise_level, workspace, readings, goal, robots)
+    goal = Goal(setup.goal_x, setup.goal_y, tally.goal_distance)
+    sense(at.x, at.y, cos, sin, space, setup.lit, noise, setup.noise_level, life.senses, readings, goal, robots)
     apply_sensor_faults(readings, setup.faults, life.past, step)
     blind(readings, setup.faults.dead_sensors)
     reward_input(readings, tally.reward)

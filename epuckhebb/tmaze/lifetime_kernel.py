@@ -4,10 +4,9 @@ from collections.abc import Callable
 from typing import Any
 
 from epuckhebb.controller.compiling.kernel import compiled, kernel, nothing, with_parts
-from epuckhebb.controller.forward_pass import forward_pass
 from epuckhebb.controller.network import Network
-from epuckhebb.controller.plasticity.rule import EVERY_STEP, NoRule, Rule, Schedule
-from epuckhebb.controller.plasticity.update import averaging, modulation_of, pausing, update_of
+from epuckhebb.controller.plasticity.rule import EVERY_STEP, Rule, Schedule
+from epuckhebb.controller.plasticity.update import controller_parts
 from epuckhebb.controller.random import normal_numbers
 from epuckhebb.tmaze.faults import sensor_faults, turn_at_once, turn_with_faults
 from epuckhebb.tmaze.individual import NoAdaptation
@@ -47,8 +46,6 @@ def kernel_of(
     check_inputs(network, robot, task)
     parts = {
         "OUTPUT": network.first_output,
-        "SUBSTEPS": network.substeps,
-        "HAS_RULE": rule is not NoRule,
         "HAS_TRIALS": task.has_trials,
         "HAS_SCORE": scoring.step is not None,
         "score": score_of(scoring),
@@ -56,11 +53,7 @@ def kernel_of(
         "blind": blinding(robot),
         "nearest": largest_distance_reading(robot),
         "draw_noise": normal_numbers(robot.inputs),
-        "forward": forward_pass(network),
-        "average": averaging(schedule),
-        "is_due": pausing(rule, schedule),
-        "learn": update_of(rule, network, schedule),
-        "modulate": modulation_of(rule, network),
+        **controller_parts(rule, network, schedule),
         **adaptation.hooks(robot, network.post[0])._asdict(),
         "apply_sensor_faults": sensor_faults(robot) if more_faults else nothing,
         "turn_wheels": turn_with_faults if more_faults else turn_at_once,

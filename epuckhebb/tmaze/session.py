@@ -11,7 +11,7 @@ import numpy as np
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.errors import explained
 from epuckhebb.controller.genotype import genotype_of
-from epuckhebb.controller.own_class import OwnClass, PartError, is_own
+from epuckhebb.controller.own_class import OwnClass, PartError, own_of
 from epuckhebb.controller.plasticity.rule import bound_of
 from epuckhebb.tmaze import fitness
 from epuckhebb.tmaze.faults import initial_past
@@ -119,6 +119,7 @@ class Session:
             score=world.fitness.initial_state(),
             neurons=genotype.neurons._replace(state=genotype.neurons.state.copy()),
             workspace=kind.workspace,
+            senses=kind.senses,
             past=initial_past(world.robot),
         )
 
@@ -265,7 +266,7 @@ class Session:
     def check(self) -> None:
         """Check that the lifetime still has finite numbers."""
         life, who, tally = self.life, self.individual, tally_of(self.life)
-        for group, scratch in zip(self.world.robot.sensors, life.workspace.senses.scratch, strict=True):
+        for group, scratch in zip(self.world.robot.sensors, life.senses.scratch, strict=True):
             if isinstance(group, Sensor):
                 for reading, value in zip(group.readings, scratch, strict=True):
                     if not 0.0 <= value <= 1.0:
@@ -296,5 +297,4 @@ def own_parts(individual: Individual, world: Scenario) -> list[type[OwnClass]]:
     """The classes of a lifetime's parts that are the user's own."""
     controller, wiring = individual.controller, individual.network.wiring
     parts = (controller.rule, wiring, world.fitness, world.task, world.physics, *world.robot.sensors)
-    kinds = [*map(type, parts), *controller.adaptation.parts]
-    return [kind for kind in kinds if isinstance(kind, type) and issubclass(kind, OwnClass) and is_own(kind)]
+    return own_of([*parts, *controller.adaptation.parts])

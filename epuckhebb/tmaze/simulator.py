@@ -16,11 +16,12 @@ from epuckhebb.controller.own_class import stored
 from epuckhebb.controller.plasticity.control import Sign, signs
 from epuckhebb.controller.plasticity.rule import Rule, schedule_of
 from epuckhebb.controller.plasticity.rules.paper import Paper
+from epuckhebb.controller.plasticity.update import Workspace, workspace_for
 from epuckhebb.tmaze.changes import AT_ONCE
 from epuckhebb.tmaze.faults import Faults, faults_of
 from epuckhebb.tmaze.fitness import initial_history, signal_number
 from epuckhebb.tmaze.individual import Controller
-from epuckhebb.tmaze.life import Lifetime, Workspace, workspace_for
+from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.lifetime import live
 from epuckhebb.tmaze.lifetime_kernel import kernel_of
 from epuckhebb.tmaze.light import lights
@@ -28,6 +29,7 @@ from epuckhebb.tmaze.maze import Pose, Region, Side
 from epuckhebb.tmaze.physics_engine import Space
 from epuckhebb.tmaze.samples import Samples, empty_samples
 from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.senses import SenseWorkspace, sense_workspace
 
 _PAPER = Paper()
 _NOWHERE = Region(math.inf, -math.inf, math.inf, -math.inf)  # the arm of a task that has no correct side
@@ -57,6 +59,7 @@ class Kind(NamedTuple):
     synapse_state: NDArray[np.void]
     signs: Floats | None
     workspace: Workspace
+    senses: SenseWorkspace
     no_samples: Samples
 
 
@@ -121,7 +124,8 @@ class Simulator:
             plan=plan_of(network, type(rule)),
             synapse_state=stored(compiled_for.synapse_state, network.synapses),
             signs=None if rule.sign is Sign.shuffled else signs(rule.sign, network.synapses),
-            workspace=workspace_for(network, robot, self.world.physics),
+            workspace=workspace_for(network),
+            senses=sense_workspace(robot, self.world.physics),
             no_samples=empty_samples(0, network, self.world.physics),
         )
         return kind
