@@ -5,7 +5,7 @@ class LiveMaze extends Maze {
   constructor(c) {
     super(c);
     this.flag = element("p", { className: "flag" });
-    this.canvases.both.append(this.flag);
+    this.figure.firstChild.append(this.flag);
     const canvas = this.canvases.above;
     canvas.tabIndex = 0;
     canvas.setAttribute("role", "application");
