@@ -11,13 +11,13 @@ from numba import njit
 from step import GENES
 
 from epuckhebb.controller.forward_pass import forward_pass
+from epuckhebb.controller.genotype import Genotype
 from epuckhebb.controller.network import PAPER_NETWORK, initial_weights_of
-from epuckhebb.controller.plasticity.rule import initial_synapse_state
+from epuckhebb.controller.own_class import stored
 from epuckhebb.controller.plasticity.rules.paper import Paper
-from epuckhebb.controller.plasticity.update import StepContext, update_of
+from epuckhebb.controller.plasticity.update import StepContext, update_of, workspace_for
 from epuckhebb.controller.random import normal_numbers
 from epuckhebb.tmaze import light
-from epuckhebb.tmaze.life import Genotype, workspace_for
 from epuckhebb.tmaze.maze import T_MAZE, Pose, boxes
 from epuckhebb.tmaze.physics.pymunk import PYMUNK, PymunkSpace, mover
 from epuckhebb.tmaze.robot import EPUCK
@@ -70,9 +70,9 @@ def measure() -> list[tuple[str, str]]:
     walls, lit, network = boxes(T_MAZE), light.lights(0.1, light.Lamp(), True), PAPER_NETWORK
     numbers, activation = np.zeros(16), np.full(network.neurons, 0.3)
     genes, settings = initial_weights_of(np.load(GENES)["genome"]), Paper(N=1e-5).numbers()
-    state, nothing = initial_synapse_state(Paper, network), np.empty(0)
+    state, nothing = stored(Paper.synapse_state, network.synapses), np.empty(0)
     genotype = Genotype(genes, state, np.empty((0, network.synapses)), nothing, nothing, np.ones(network.synapses))
-    plasticity = genes.copy(), state, genotype, activation, settings, workspace_for(network, EPUCK)
+    plasticity = genes.copy(), state, genotype, activation, settings, workspace_for(network)
     still, wall, corner = (PymunkSpace(walls, EPUCK) for _ in range(3))
     still.place_robot(T_MAZE.start)
     wall.place_robot(Pose(0.007, 0.16, math.pi / 2))

@@ -34,6 +34,7 @@ __all__ = [
     "Hebbian",
     "Lifetime",
     "Live",
+    "Network",
     "Optimizer",
     "Rule",
     "Sensor",
@@ -56,7 +57,7 @@ if TYPE_CHECKING:
     from epuckhebb.api.results import Evaluation, Evolution, Live
     from epuckhebb.controller.controller import Controller
     from epuckhebb.controller.evolved import Evolved
-    from epuckhebb.controller.network import tanh
+    from epuckhebb.controller.network import Network, tanh
     from epuckhebb.controller.plasticity.rule import Rule
     from epuckhebb.controller.plasticity.rules.paper import Paper as Hebbian
     from epuckhebb.controller.wiring import Wiring
@@ -88,6 +89,7 @@ _FROM = {  # name -> where it is, if not in `api`
     "Study": "studies.study",
     "Task": "tmaze.task",
     "Wiring": "controller.wiring",
+    "Network": "controller.network",
     "tanh": "controller.network",
 }
 

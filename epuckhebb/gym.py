@@ -7,7 +7,7 @@ An observation is the sensor readings of the next control step, an action the ou
 An episode is a lifetime: the same step as in `evaluate`, so a champion that is driven from here is bit-identical to it.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +16,7 @@ import numpy as np
 
 from epuckhebb.config import EvolveConfig, check_library, load, overrides_of, values_of
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.compiling.kernel import kernel
-from epuckhebb.controller.forward_pass import forward_pass
-from epuckhebb.controller.network import PAPER_NETWORK, WEIGHT_LIMIT, GivenOutputs, Network, initial_weights_of
+from epuckhebb.controller.network import PAPER_NETWORK, WEIGHT_LIMIT, GivenOutputs, Network
 from epuckhebb.controller.plasticity.rule import NO_RULE
 from epuckhebb.controller.random import Stream, key
 from epuckhebb.runs import compile_for
@@ -146,36 +144,6 @@ class TMaze(gymnasium.Env[Floats, Floats]):
 def evaluation_key(seed: int, repeat: int, side: Side) -> int:
     """The key of the sensor noise that `evaluate` has for this seed, repeat (from 0) and side, for `reset`."""
     return int(key(seed, Stream.evaluation_noise, repeat, SIDES.index(side)))
-
-
-def policy_from_genome(genes: Floats, network: Network = PAPER_NETWORK) -> Callable[[Floats], Floats]:
-    """The function from observation to action that the weights of a champion are: bit-identical to its network.
-
-    genes: (synapses,). network: that of these genes, in layers.
-    """
-    if network.wiring is not None:  # its neurons may remember
-        raise ConfigError(f"a policy has layers, and the network is {network}")
-    weights = initial_weights_of(np.asarray(genes, np.float64))
-    if weights.shape != (network.synapses,):
-        raise ConfigError(f"a network of layers {network} has {network.synapses} weights, got shape {weights.shape}")
-    activation, drive = np.zeros(network.neurons), np.empty(network.neurons)
-    activation[network.bias] = 1.0
-    pass_through = kernel(_pass, network, forward=forward_pass(network))
-
-    def policy(observation: Floats) -> Floats:
-        activation[: network.inputs] = observation
-        pass_through(weights, activation, drive)
-        return activation[network.first_output :].copy()
-
-    return policy
-
-
-forward = forward_pass(PAPER_NETWORK)
-
-
-def _pass(weights: Floats, activation: Floats, drive: Floats) -> None:
-    """Pass an observation through a network."""
-    forward(weights, activation, drive)
 
 
 def genome_from_policy(weights: Sequence[Any], bias: Any, network: Network = PAPER_NETWORK) -> Floats:

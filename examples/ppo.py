@@ -16,7 +16,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.env_util import make_vec_env
 
 import epuckhebb
-from epuckhebb.gym import ID, REWARDS, TMaze, evaluation_key, policy_from_genome
+from epuckhebb.gym import ID, REWARDS, TMaze, evaluation_key
 
 ENVIRONMENTS = 8
 TESTS = 10  # lifetimes a side
@@ -47,7 +47,7 @@ def main():
     words.add_argument("--seed", type=int, default=1)
     given = words.parse_args()
     torch.set_num_threads(1)
-    print("champion:", tested(policy_from_genome(epuckhebb.load())))
+    print("champion:", tested(epuckhebb.Controller(epuckhebb.load()).act))
     env = make_vec_env(TMaze, n_envs=ENVIRONMENTS, seed=given.seed, env_kwargs={"reward": given.reward})
     model = PPO("MlpPolicy", env, seed=given.seed, n_steps=512, batch_size=256, device="cpu")
     began = time.process_time()

@@ -18,7 +18,7 @@ from epuckhebb.controller.plasticity.rules.oja import Oja
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze.lifetime_kernel import kernel_of
 from epuckhebb.tmaze.own_fitness import Fitness
-from epuckhebb.tmaze.robot import EPUCK
+from epuckhebb.tmaze.scenario import Scenario
 
 FITNESS = """
 from dataclasses import dataclass
@@ -96,7 +96,7 @@ def test_a_class_that_is_from_no_file_of_the_users_is_compiled_in_memory(monkeyp
 
 
 def name_of(rule, network=PAPER_NETWORK):
-    return kernel_of(rule, Adaptation(), network, EPUCK).py_func.__qualname__
+    return kernel_of(rule, Adaptation(), network, Scenario()).py_func.__qualname__
 
 
 def test_parts_have_names_of_their_own():
@@ -123,9 +123,9 @@ from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.tmaze.lifetime_kernel import kernel_of
 from epuckhebb.controller.network import PAPER_NETWORK
 from epuckhebb.controller.plasticity.rules.paper import Paper
-from epuckhebb.tmaze.robot import EPUCK
+from epuckhebb.tmaze.scenario import Scenario
 kinds = [Adaptation(change_signal=s) for s in ("none", "late", "novelty")]
-made = [kernel_of(Paper, kind, PAPER_NETWORK, EPUCK).py_func.__qualname__ for kind in kinds]
+made = [kernel_of(Paper, kind, PAPER_NETWORK, Scenario()).py_func.__qualname__ for kind in kinds]
 print(json.dumps(made))
 """
 

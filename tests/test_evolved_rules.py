@@ -24,15 +24,14 @@ from epuckhebb.controller.plasticity.rules.discrete import Discrete
 from epuckhebb.controller.plasticity.rules.modulated import Modulated
 from epuckhebb.controller.plasticity.rules.online import Online
 from epuckhebb.controller.plasticity.rules.paper import Paper
-from epuckhebb.controller.plasticity.update import StepContext, initial_lengths, modulation_of, update_of
+from epuckhebb.controller.plasticity.update import StepContext, initial_lengths, modulation_of, update_of, workspace_for
 from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.optimizer import initial
 from epuckhebb.evolution.optimizers import ga as ga_module
 from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.store.genome import load_genome
 from epuckhebb.tmaze.individual import Controller
-from epuckhebb.tmaze.life import Lifetime, workspace_for
-from epuckhebb.tmaze.robot import EPUCK
+from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.scenario import Scenario
 
 SIZES = {
@@ -111,7 +110,7 @@ def test_the_incoming_weights_of_each_neuron_keep_their_length():
     weights, values = genes.copy(), dict.fromkeys(Discrete.evolved, np.ones(1))
     values |= {"when_better": np.ones(4), "when_worse": np.ones(4)}
     numbers, activation = Discrete(N=1.0).numbers(), np.ones(network.neurons)
-    workspace = workspace_for(network, EPUCK)
+    workspace = workspace_for(network)
     spread, lengths = coefficients(Discrete, network, values), initial_lengths(Discrete, network, genes)
     genotype = Genotype(genes, np.empty(0), spread, np.empty(0), lengths, np.ones_like(genes))
     now = StepContext(0.1, np.uint64(1), 0, 0.032)

@@ -11,9 +11,8 @@ from gymnasium.utils.env_checker import check_env
 
 import epuckhebb
 from epuckhebb import Lifetime
-from epuckhebb.controller.network import PAPER_NETWORK, Network, by_layer
-from epuckhebb.controller.wirings.elman import Elman
-from epuckhebb.gym import ID, TMaze, evaluation_key, genome_from_policy, policy_from_genome
+from epuckhebb.controller.network import PAPER_NETWORK, by_layer
+from epuckhebb.gym import ID, TMaze, evaluation_key, genome_from_policy
 from epuckhebb.tmaze.batch import run_lifetimes
 from epuckhebb.tmaze.individual import Individual
 from epuckhebb.tmaze.scenario import Scenario
@@ -55,7 +54,7 @@ def test_the_bundled_champion_runs_as_in_evaluate(side, wheel):
     )
     row = result.metrics[(result.metrics.side == side) & (result.metrics.repeat == 0)].iloc[0]
     number = result.recorded.side.index(side)
-    policy = policy_from_genome(epuckhebb.load())
+    policy = epuckhebb.Controller(epuckhebb.load()).act
     env = gymnasium.make(ID, overrides=words)
     poses, rewards, info = driven(env, policy, side=side, key=evaluation_key(7, 0, side))
     np.testing.assert_array_equal(poses, result.recorded.samples.pose[number])
@@ -139,16 +138,11 @@ def test_a_policy_as_a_genome_and_back():
     values = np.append(observation, 1.0)
     for layer in layers:
         values = np.tanh(values @ layer)
-    np.testing.assert_allclose(policy_from_genome(genes)(observation), values, rtol=1e-13)
+    np.testing.assert_allclose(epuckhebb.Controller(genes).act(observation), values, rtol=1e-13)
     with pytest.raises(ValueError, match=r"weights of shape \(7, 16\), .*, and a bias of shape \(7,\), got"):
         genome_from_policy(weights[1:], layers[0][-1])
     with pytest.raises(ValueError, match=r"weights must lie in \[-2, 2\], got 4"):
         genome_from_policy([2 * np.sign(weight) * 2 for weight in weights], layers[0][-1])
-    with pytest.raises(ValueError, match="has 234 weights, got shape"):
-        policy_from_genome(genes[1:])
-    wired = Network((16, *Elman().sizes), wiring=Elman())
-    with pytest.raises(ValueError, match=r"a policy has layers, and the network is 16-8-2 \(elman\)"):
-        policy_from_genome(genes, wired)
 
 
 def test_bad_input_is_refused(here):

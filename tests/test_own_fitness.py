@@ -20,7 +20,7 @@ from epuckhebb.tmaze.lifetime_kernel import kernel_of
 from epuckhebb.tmaze.light import Lamp
 from epuckhebb.tmaze.outcome import OutcomeOfTrials
 from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
-from epuckhebb.tmaze.robot import EPUCK, STEP_S
+from epuckhebb.tmaze.robot import STEP_S
 from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.session import Session
 from epuckhebb.tmaze.tasks.reversal import Reversal
@@ -96,8 +96,10 @@ def test_a_fitness_of_a_lifetime_alone_needs_no_kernel_of_its_own(genomes):
     usual, _ = run_lifetimes([session.individual], Scenario(), session.lifetime)[0]
     x, y, _ = session.pose
     assert session.outcome().fitness == usual.fitness + usual.path_length + math.hypot(x, y)
-    parts = (Paper, NoAdaptation(), PAPER_NETWORK, EPUCK)
-    assert kernel_of(*parts, fitness=Judged()) is kernel_of(*parts)
+    one, other = (
+        kernel_of(Paper, NoAdaptation(), PAPER_NETWORK, Scenario(fitness=own)) for own in (Judged(), Fitness())
+    )
+    assert one is other
 
 
 @pytest.mark.thorough

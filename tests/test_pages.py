@@ -267,12 +267,13 @@ def test_the_python_page(monkeypatch):
     assert Path("paths.pdf").is_file()
 
 
-def test_the_python_of_the_readme_acts_and_learns():
+def test_the_python_of_the_readme_holds_the_pole_up(monkeypatch):
     (script,) = blocks(ROOT / "README.md", "python")
+    whole = epuckhebb.evolve
+    monkeypatch.setattr(epuckhebb, "evolve", lambda word: whole(word, "environment.horizon=100", progress=False))
     names = {}
     exec(script, names)
-    assert names["wheels"].shape == (2,)
-    assert names["controller"].weight_change > 0
+    assert names["controller"].steps > 50
 
 
 def test_a_lifetime_in_pieces_runs_as_shown(capsys):

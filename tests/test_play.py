@@ -171,8 +171,6 @@ def test_a_life_that_has_ended_takes_no_wishes():
 
 def test_what_makes_no_world_is_refused(here):
     (here / "mine.json").write_text('[{"at_s": 1.0, "light": 1.0}]')
-    with pytest.raises(ConfigError, match="robots"):
-        LiveFlock(["flock", "flock.robots=1"])
     for words in (["scenario=nowhere"], ["genome=none.npz"], ["scenario.hand=mine.json"]):
         with pytest.raises(ConfigError):
             LiveWorld(words, "left")
@@ -429,7 +427,9 @@ def test_the_command_prints_the_address_and_ends_with_ctrl_c():
     assert "Traceback" not in err
 
 
-@pytest.mark.parametrize("words", [["--side", "up"], ["scenario=nowhere"], ["--port", "-1"], ["seeed=1"]])
+@pytest.mark.parametrize(
+    "words", [["--side", "up"], ["scenario=nowhere"], ["--port", "-1"], ["seeed=1"], ["flock", "flock.robots=1"]]
+)
 def test_the_command_refuses_what_cannot_be(here, words):
     refused("play", *words)
     assert list(here.iterdir()) == []

@@ -9,11 +9,8 @@ import pymunk
 import pytest
 
 from epuckhebb.adaptation.adaptation import Adaptation
-from epuckhebb.controller.genome import plan_of
-from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.rules.paper import Paper
-from epuckhebb.controller.wirings.ctrnn import CTRNN
-from epuckhebb.flock.robot_group import RobotGroup, life_of
+from epuckhebb.flock.robot_group import RobotGroup
 from epuckhebb.store.genome import load_genome
 from epuckhebb.tmaze.batch import run_lifetimes
 from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
@@ -24,7 +21,6 @@ from epuckhebb.tmaze.physics.pymunk import COLLISION_SLOP, PYMUNK
 from epuckhebb.tmaze.robot import EPUCK
 from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.senses import sense_workspace, senses
-from epuckhebb.tmaze.session import Session
 from epuckhebb.tmaze.tasks.reversal import Reversal
 
 NO_WALLS = SimpleNamespace(walls=np.zeros((0, 4)))
@@ -101,24 +97,6 @@ def test_the_order_of_robots_that_sense_each_other_and_do_not_touch_changes_no_b
     apart = RobotGroup([replace(robots[0], start=Pose(-0.8, -0.8, 0.0)), *robots[1:]], world, lifetime)
     apart.step(lifetime.steps)
     assert apart.poses[1] != group.poses[1]  # it sensed the first
-
-
-def test_each_robot_has_neurons_of_its_own():
-    wiring = CTRNN(hidden=1)
-    network = Network((16, *wiring.sizes), wiring=wiring)
-    genes = np.random.default_rng(3).uniform(-1, 1, (2, plan_of(network).genes))
-    robots = [
-        Individual(genes=own, side="left", key=np.uint64(k), start=start, network=network)
-        for k, (own, start) in enumerate(zip(genes, in_arena(2), strict=True))
-    ]
-    world = Scenario(maze=ARENA)
-    group, alone = RobotGroup(robots, world), [Session(one, world).life for one in robots]
-    for k, life in enumerate(alone):
-        own = life_of(group._group, k)
-        own.neurons.state["y"] = k + 1.0
-        assert own.neurons.parameters.tobytes() == life.neurons.parameters.tobytes()
-        assert own.genotype.weights.tobytes() == life.genotype.weights.tobytes()
-    assert group._group.records.neurons.state["y"].tolist() == [[1.0] * 3, [2.0] * 3]
 
 
 def test_robots_collide_and_another_run_is_bit_identical():

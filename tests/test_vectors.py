@@ -13,9 +13,7 @@ from epuckhebb.controller.genotype import Genotype
 from epuckhebb.controller.network import Network, tanh
 from epuckhebb.controller.own_class import stored
 from epuckhebb.controller.plasticity.rule import Rule
-from epuckhebb.controller.plasticity.update import StepContext, update_of
-from epuckhebb.tmaze.life import workspace_for
-from epuckhebb.tmaze.robot import EPUCK
+from epuckhebb.controller.plasticity.update import StepContext, update_of, workspace_for
 
 SPARE = 8
 
@@ -73,7 +71,7 @@ def test_layers_of_any_width_are_bit_identical_to_single_numbers(network):
     rows = np.full((4, network.synapses), 7.0)
     state, nothing, ones = stored(Everything.synapse_state, network.synapses), np.empty(0), np.ones(network.synapses)
     genotype = Genotype(genes, state, np.empty((0, network.synapses)), nothing, nothing, ones)
-    workspace = workspace_for(network, EPUCK)._replace(drive=drive, synapses=rows[:3])
+    workspace = workspace_for(network)._replace(drive=drive, synapses=rows[:3])
     numbers = Everything(N=1.0, w_max=1e6).numbers()
     made(weights, activation, state, genotype, StepContext(0.5, np.uint64(1), 0, 0.032), numbers, workspace)
     neurons, updated = expected_of(network, genes, seen)

@@ -92,9 +92,10 @@ class Adaptation(NoAdaptation):
         self.is_network_unused = self.exploration is Exploration.wall_following and at_once
 
     @property
-    def parts(self) -> "Parts | tuple[()]":
+    def parts(self) -> tuple[Any, ...]:
         """See `NoAdaptation`; one that does nothing has none, so that its kernel has one name."""
-        return Parts(*(getattr(self, name) for name in Parts._fields)) if self.acts else ()
+        functions = self.signal, self.follows_walls, self.plastic_when, self.stay, self.homeostasis
+        return functions if self.acts else ()
 
     @property
     def knowledge(self) -> tuple[str, ...]:
@@ -193,13 +194,3 @@ class AdaptationState(NamedTuple):
     hand: Floats
     homeostasis: HomeostasisState
     noise: Floats
-
-
-class Parts(NamedTuple):
-    """The settings of an adaptation that say which functions it has; the others are numbers (`Gate`)."""
-
-    signal: type[ChangeSignal] | None = None
-    follows_walls: bool = False
-    plastic_when: PlasticWhen = PlasticWhen.late
-    stay: Stay = Stay.none
-    homeostasis: bool = False

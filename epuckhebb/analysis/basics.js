@@ -16,7 +16,7 @@ function colour(name) {
 
 let colours = {};
 function readColours() {
-  const names = ["ink", "soft", "line", "floor", "wall", "obstacle", "lamp", "near", "rose", "fell", "left", "right", "side", "card"];
+  const names = ["ink", "soft", "line", "floor", "wall", "obstacle", "lamp", "near", "rose", "fell", "won", "left", "right", "side", "card"];
   colours = Object.fromEntries(names.map((name) => [name, colour(name)]));
 }
 

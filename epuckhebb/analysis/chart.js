@@ -1,4 +1,4 @@
-const GUTTER = 64;  // pixels left of a plot, for its scale
+const GUTTER = 64;  // pixels left of a plot, for its scale; the cursor of drawing.css begins there
 const MOST_POINTS = 1000;  // of a curve
 
 /** A quantity of all controllers over time. */
@@ -93,7 +93,7 @@ class Chart {
 
   draw() {
     const [from, until] = this.drawn, part = Math.max(0, Math.min(1, (shown.t - from) / (until - from || 1)));
-    this.cursor.style.transform = `translateX(${GUTTER + part * (this.width - GUTTER - 1)}px)`;
+    this.cursor.style.transform = `translateX(${part * (this.width - GUTTER - 1)}px)`;
     lifetimes[shown.side].forEach((life, c) => {
       const text = ` ${brief(life[this.name][sampleAt(poseAt(life, shown.t).k)] * this.factor)}${this.unit}`;
       if (this.values[c].value.data !== text) this.values[c].value.data = text;

@@ -178,7 +178,7 @@ class Network {
     pen.fillStyle = colours.soft;
     pen.fillText(`spikes of the last ${(columns * data.interval).toFixed(0)} s`, this.x[0], SPIKING * TICK.height + 12);
     pen.fillStyle = colours.ink;
-    for (let past = 0; past < columns && k - past >= oldest; past++) {
+    for (let past = 0; past < columns && k - past >= 0; past++) {
       for (let i = 0; i < SPIKING; i++) {
         pen.globalAlpha = Math.min(1, 2 * life.activations[sampleAt(k - past) * OWN + i]);
         pen.fillRect(right - (past + 1) * TICK.width, i * TICK.height, TICK.width, TICK.height - 1);

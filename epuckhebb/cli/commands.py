@@ -196,7 +196,7 @@ def play(
     config_dir: ConfigDir = None,
     quiet: Quiet = False,
 ) -> None:
-    """A live world in the browser, to disturb by hand; `play flock`: a flock."""
+    """A live world, or a flock, in the browser, to disturb by hand."""
     import webbrowser
 
     from epuckhebb.live.server import Play
@@ -333,7 +333,7 @@ def export(
         typer.Option("--output", "-o", metavar="FOLDER", help="Where to write it.  [epuckhebb_champion or gallery]"),
     ] = None,
 ) -> None:
-    """A controller for another simulator, or a gallery of replays for a web host."""
+    """A controller for Webots, or a gallery for any web host."""
     if what == "gallery" and not webots:
         from epuckhebb.export.gallery import gallery
 

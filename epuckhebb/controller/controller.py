@@ -16,22 +16,20 @@ from numpy.typing import ArrayLike, NDArray
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.errors import explained
 from epuckhebb.controller.compiling.kernel import SameTypes, kernel
-from epuckhebb.controller.forward_pass import forward_pass
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.genotype import Genotype, genotype_of
 from epuckhebb.controller.network import PAPER_NETWORK, Network
-from epuckhebb.controller.own_class import OwnClass, PartError, is_own, stored
+from epuckhebb.controller.own_class import PartError, own_of, stored
 from epuckhebb.controller.plasticity.control import signs as signs_of
-from epuckhebb.controller.plasticity.rule import NO_RULE, NoRule, Rule, Schedule, bound_of, schedule_of
+from epuckhebb.controller.plasticity.rule import NO_RULE, Rule, Schedule, bound_of, schedule_of
 from epuckhebb.controller.plasticity.update import (
     StepContext,
-    averaging,
+    Workspace,
+    controller_parts,
     effective_rate,
-    modulation_of,
-    pausing,
-    update_of,
+    workspace_for,
 )
-from epuckhebb.controller.plasticity.weight_change import saturated_fraction, weight_change_workspace
+from epuckhebb.controller.plasticity.weight_change import saturated_fraction
 from epuckhebb.controller.random import Stream, rng
 from epuckhebb.controller.wiring import Neurons
 
@@ -40,16 +38,6 @@ HAS_RULE, SUBSTEPS = False, 1
 forward = average = modulate = is_due = learn = _part  # parts, which `_kernel_of` puts here
 _kernels: dict[tuple[object, ...], Any] = {}
 _NO_GAIN = 0.0  # rad/s: there are no wheels whose gain could be another than in training
-
-
-class _Scratch(NamedTuple):
-    """Temporary arrays of a step."""
-
-    drive: Floats
-    substeps: Floats
-    synapses: Floats
-    change: Floats
-    mean: Floats
 
 
 class _State(NamedTuple):
@@ -62,7 +50,7 @@ class _State(NamedTuple):
     recent: Floats
     neurons: Neurons
     tally: Floats
-    scratch: _Scratch
+    workspace: Workspace
 
 
 def _step(
@@ -76,15 +64,15 @@ def _step(
     step: int,
 ) -> None:
     """Act, then learn. rate: N. fitness: the live fitness F. The inputs stand among the activations."""
-    weights, activation, scratch, tally = state.weights, state.activation, state.scratch, state.tally
-    forward(weights, activation, scratch.drive, state.neurons, scratch.substeps)
+    weights, activation, workspace, tally = state.weights, state.activation, state.workspace, state.tally
+    forward(weights, activation, workspace.drive, state.neurons, workspace.substeps)
     for k in range(SUBSTEPS):
         number = step * SUBSTEPS + k
-        read = average(state.recent, scratch.substeps[k] if SUBSTEPS > 1 else activation, number, scratch.mean)
+        read = average(state.recent, workspace.substeps[k] if SUBSTEPS > 1 else activation, number, workspace.mean)
         if HAS_RULE and rate > 0.0 and is_due(number, numbers):
             now = effective_rate(rate, 1.0, fitness, floor) * modulate(state.genotype.modulatory, read)
             context = StepContext(fitness, key, number, step_s / SUBSTEPS)
-            tally[0] = learn(weights, state.synapse_state, state.genotype, read, now, context, numbers, scratch)
+            tally[0] = learn(weights, state.synapse_state, state.genotype, read, now, context, numbers, workspace)
     tally[1] += tally[0]
 
 
@@ -92,16 +80,7 @@ def _kernel_of(rule: type[Rule], network: Network, schedule: Schedule) -> Any:
     """`_step` for a rule and a network, compiled or from the cache."""
     values = rule, network, schedule
     if values not in _kernels:
-        parts = {
-            "HAS_RULE": rule is not NoRule,
-            "SUBSTEPS": network.substeps,
-            "forward": forward_pass(network),
-            "average": averaging(schedule),
-            "is_due": pausing(rule, schedule),
-            "learn": update_of(rule, network, schedule),
-            "modulate": modulation_of(rule, network),
-        }
-        _kernels[values] = SameTypes(kernel(_step, values, **parts))
+        _kernels[values] = SameTypes(kernel(_step, values, **controller_parts(rule, network, schedule)))
     return _kernels[values]
 
 
@@ -135,13 +114,7 @@ class Controller:
             signs = signs_of(rule.sign, network.synapses, rng(0, Stream.shuffled_signs))
         self._signs = signs
         self._kernel = _kernel_of(type(rule), network, schedule_of(rule))
-        self._scratch = _Scratch(
-            np.empty(network.neurons),
-            np.empty((network.substeps, network.neurons)),
-            np.empty((3, network.synapses)),
-            np.empty(weight_change_workspace(network)),
-            np.empty(network.neurons),
-        )
+        self._workspace = workspace_for(network)
         self.reset()
 
     def reset(self, seed: int = 0) -> None:
@@ -169,7 +142,7 @@ class Controller:
             np.zeros((rule.average, network.neurons)),
             genotype.neurons._replace(state=genotype.neurons.state.copy()),
             np.zeros(2),
-            self._scratch,
+            self._workspace,
         )
         self.weights, self._inputs = self._state.weights, activation[: network.inputs]
         self._outputs = activation[network.first_output :]
@@ -187,9 +160,7 @@ class Controller:
             try:
                 self._kernel.call(self._state, *arguments)
             except Exception as error:  # machine code raises nothing, so it comes from compiling
-                parts = type(self.rule), type(self.network.wiring)
-                own = [part for part in parts if issubclass(part, OwnClass) and is_own(part)]
-                raise explained(own, error) from error
+                raise explained(own_of([self.rule, self.network.wiring]), error) from error
         self.steps += 1
         return self._outputs.copy()
 

@@ -6,7 +6,7 @@ import math
 import pkgutil
 import traceback
 from collections import namedtuple
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields
 from enum import Enum
@@ -138,6 +138,12 @@ def name_of(kind: type[OwnClass]) -> str:
 def is_own(kind: type[OwnClass]) -> bool:
     """Whether a class is the user's."""
     return kind.__module__.partition(".")[0] != __name__.partition(".")[0]
+
+
+def own_of(parts: Iterable[object]) -> list[type[OwnClass]]:
+    """The classes of those parts, or of these classes, that are the user's own."""
+    kinds = [part if isinstance(part, type) else type(part) for part in parts]
+    return [kind for kind in kinds if issubclass(kind, OwnClass) and is_own(kind)]
 
 
 def stored(initial: Mapping[str, float], count: int) -> NDArray[np.void]:

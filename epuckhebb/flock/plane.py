@@ -35,7 +35,7 @@ GOAL = 0.15  # how strongly the goal draws a robot that knows it
 BREAKS = ("none", "stranger", "knower")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True)
 class Flock:
     """The settings of a run.
 

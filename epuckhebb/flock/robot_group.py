@@ -8,16 +8,15 @@ Robots that never come near one another run bit-identically to robots that are a
 import math
 from collections.abc import Sequence
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.errors import explained
-from epuckhebb.controller.compiling.kernel import compiled
-from epuckhebb.controller.genotype import Genotype
-from epuckhebb.controller.wiring import Neurons
+from epuckhebb.controller.compiling.kernel import SameTypes
+from epuckhebb.tmaze.faults import turn_wheels
 from epuckhebb.tmaze.individual import Individual
 from epuckhebb.tmaze.life import Life, Lifetime, Setup
 from epuckhebb.tmaze.maze import Pose, gap
@@ -28,79 +27,32 @@ from epuckhebb.tmaze.session import Session, own_parts
 from epuckhebb.tmaze.simulator import Simulator
 
 _SHARED = ("side", "controller", "network")  # of an individual: one lamp, one kernel and one rate for all
-_OF_ALL = ("adaptation", "trials", "workspace", "numbers", "history")  # of a `Life`: what they do not have each
-
 
 # The parts of a lifetime; `epuckhebb.tmaze.lifetime_kernel` puts them here.
 _part: Any = None
-decide = settle = to_goal = turn_wheels = move_all = _part
+decide = settle = to_goal = move_all = _part
 
 
-class Group(NamedTuple):
-    """What robots in one space carry, first axis of arrays the robots.
-
-    records: a `Life`, in which adaptation, trials and workspace are those of one robot. motion: (robots, 6), the view
-    of the space's state. wheels: (robots, 4) and before: (robots, 2), workspace.
-    """
-
-    records: Life
-    keys: NDArray[np.uint64]
-    motion: Floats
-    wheels: Floats
-    before: Floats
+def decide_one(life: Life, setup: Setup, space: Any, motion: Floats, wheels: Floats, number: int) -> None:
+    """Let one robot sense, act and learn. motion: (robots, 6), of the space. wheels: (robots, 4), its row is filled."""
+    tally, at = life.tally[0], Pose(motion[number, 0], motion[number, 1], motion[number, 2])
+    cos, sin, step = math.cos(at.heading), math.sin(at.heading), tally.step
+    tally.goal_distance = to_goal(setup, at.x, at.y)
+    left, right = decide(life, setup, space, motion, at, cos, sin, step)
+    left, right = turn_wheels(setup.faults, tally, life.past, left, right, setup.gain, life.key, step)
+    wheels[number, 0], wheels[number, 1], wheels[number, 2], wheels[number, 3] = left, right, cos, sin
 
 
-@compiled
-def life_of(group: Group, i: int) -> Life:
-    """The lifetime of one robot of a group."""
-    records, genes, neurons = group.records, group.records.genotype, group.records.neurons
-    return Life(
-        Genotype(
-            genes.weights[i],
-            genes.synapse_state[i],
-            genes.coefficients[i],
-            genes.modulatory[i],
-            genes.lengths[i],
-            genes.signs[i],
-            genes.neurons,
-        ),
-        group.keys[i],
-        records.tally[i],
-        records.weights[i],
-        records.synapse_state[i],
-        records.activation[i],
-        records.recent[i],
-        records.adaptation,
-        records.trials,
-        records.score[i],
-        Neurons(neurons.state[i], neurons.parameters[i], neurons.numbers, neurons.step_s),
-        records.workspace,
-        records.past[i],
-    )
-
-
-def live_group(group: Group, setup: Setup, space: Any, until: int) -> None:
-    """Run the lifetimes of the robots of a space until before step `until`, or until one is lost. group: updated.
-
-    In a step all robots sense and decide, in their order, before any moves.
-    """
-    motion, wheels, before = group.motion, group.wheels, group.before
-    robots, lost = motion.shape[0], False
-    for step in range(group.records.tally[0][0].step, until):
-        for i in range(robots):
-            life, at = life_of(group, i), Pose(motion[i, 0], motion[i, 1], motion[i, 2])
-            tally, cos, sin = life.tally[0], math.cos(at.heading), math.sin(at.heading)
-            tally.goal_distance = to_goal(setup, at.x, at.y)
-            left, right = decide(life, setup, space, motion, at, cos, sin, step)
-            left, right = turn_wheels(setup.faults, tally, life.past, left, right, setup.gain, life.key, step)
-            wheels[i, 0], wheels[i, 1], wheels[i, 2], wheels[i, 3] = left, right, cos, sin
-            before[i, 0], before[i, 1] = at.x, at.y
-        move_all(space, motion, wheels)
-        for i in range(robots):
-            tally, was = group.records.tally[i][0], Pose(before[i, 0], before[i, 1], 0.0)
-            lost = settle(tally, setup, was, Pose(motion[i, 0], motion[i, 1], motion[i, 2]), step) or lost
-        if lost:
-            break
+def move_group(
+    tallies: NDArray[np.void], setup: Setup, space: Any, motion: Floats, wheels: Floats, before: Floats
+) -> None:
+    """Move all robots, and count the step. tallies: (robots, 1). before: (robots, 2), workspace."""
+    for i in range(motion.shape[0]):
+        before[i, 0], before[i, 1] = motion[i, 0], motion[i, 1]
+    move_all(space, motion, wheels)
+    for i in range(motion.shape[0]):
+        tally, was = tallies[i][0], Pose(before[i, 0], before[i, 1], 0.0)
+        settle(tally, setup, was, Pose(motion[i, 0], motion[i, 1], motion[i, 2]), tally.step)
 
 
 class RobotGroup:
@@ -116,7 +68,9 @@ class RobotGroup:
         simulator = Simulator(world, self.lifetime)
         self._sessions = [Session(one, world, self.lifetime, simulator=simulator) for one in individuals]
         first, count = individuals[0], len(individuals)
-        self._live = simulator.kernel(live_group, first.controller, first.network, simulator.more_faults)
+        self._decide, self._move = (
+            SameTypes(simulator.kernel(page, first.controller, first.network)) for page in (decide_one, move_group)
+        )
         self._space = PymunkSpace(world.boxes, world.robot, world.wall_friction, count)
         starts = [world.maze.start if one.start is None else one.start for one in individuals]
         walls, radius, arena = world.boxes, world.robot.radius_m, world.maze.arena_m
@@ -131,15 +85,11 @@ class RobotGroup:
                     f"{2 * radius:g} m apart or more"
                 )
         self._space.place_robot(*starts)
-        self._group = Group(
-            records=_stacked([session.life for session in self._sessions]),
-            keys=np.array([one.key for one in individuals], np.uint64),
-            motion=self._space.handles.state[: MOTION * count].reshape(count, MOTION),
-            wheels=np.zeros((count, 4)),
-            before=np.zeros((count, 2)),
-        )
-        for number, session in enumerate(self._sessions):
-            session.life = life_of(self._group, number)
+        self._motion = self._space.handles.state[: MOTION * count].reshape(count, MOTION)
+        self._wheels, self._before = np.zeros((count, 4)), np.zeros((count, 2))
+        self._tallies = np.stack([session.life.tally for session in self._sessions])
+        for session, tally in zip(self._sessions, self._tallies, strict=True):
+            session.life = session.life._replace(tally=tally)
 
     @property
     def steps(self) -> int:
@@ -149,16 +99,20 @@ class RobotGroup:
     @property
     def poses(self) -> list[Pose]:
         """Where the robots are."""
-        return [Pose(*row[:3]) for row in self._group.motion.tolist()]
+        return [Pose(*row[:3]) for row in self._motion.tolist()]
 
     def step(self, count: int = 1) -> None:
         """Run so many steps, fewer if the lifetime ends before; the errors are those of `Session.step`."""
-        until = min(self.steps + count, self.lifetime.steps)
+        first, where = self._sessions[0], (self._space.handles, self._motion, self._wheels)
         try:
-            self._live(self._group, self._sessions[0].setup, self._space.handles, until)
+            for _ in range(min(count, self.lifetime.steps - self.steps)):
+                for number, session in enumerate(self._sessions):
+                    self._decide.call(session.life, session.setup, *where, number)
+                self._move.call(self._tallies, first.setup, *where, self._before)
+                if self._tallies["lost"].any():
+                    break
         except Exception as error:  # machine code raises nothing, so it comes from compiling
-            session = self._sessions[0]
-            raise explained(own_parts(session.individual, session.world), error) from error
+            raise explained(own_parts(first.individual, first.world), error) from error
         for session in self._sessions:
             session.check()
 
@@ -181,15 +135,3 @@ def _check(individuals: Sequence[Individual], world: Scenario) -> None:
         raise ValueError(f"robots in one space need physics={PYMUNK.name}, got {world.physics.name}")
     if len(world.phases) > 1 or world.task.has_trials or world.put is not None:
         raise ValueError(f"robots in one space need a world that never changes, and one trial, got {world.name}")
-
-
-def _stacked(records: Sequence[Any]) -> Any:
-    """Records whose arrays have the robots as first axis; of what all share, that of the first robot."""
-    first = records[0]
-    if isinstance(first, np.ndarray):
-        stacked = np.empty((len(records), *first.shape), first.dtype)
-        for number, array in enumerate(records):
-            stacked[number] = array
-        return stacked
-    own = [name for name in getattr(first, "_fields", ()) if name not in _OF_ALL]
-    return first._replace(**{name: _stacked([getattr(one, name) for one in records]) for name in own}) if own else first

@@ -1,7 +1,7 @@
 // ---- How it begins ----
 
 const setSpeed = (speed) => { shown.speed = speed; ask({ do: "speed", value: speed }); };
-const setPlaying = (on) => { shown.playing = on; $("play").textContent = on ? "Pause" : "Play"; ask({ do: "play", value: on }); redraw(); };
+const setPlaying = (on) => { shown.playing = on; $("play").textContent = on ? "Pause" : "Play"; ask({ do: "play", value: on }); if (on) seek(END); redraw(); };
 const faster = (by) => setSpeed(data.speeds[Math.max(0, Math.min(data.speeds.length - 1, data.speeds.indexOf(shown.speed) + by))]);
 const press = (id) => () => $(id).click();
 let command = "";

@@ -53,27 +53,31 @@ function newLife() {
   begin(withWords(data.words, [...settings, ...seed]), $("side").value);
 }
 
-const anotherRobot = () => begin(withWords(data.words, [`genome=${anyChampion()}`]));
+/** A new life of another champion, all of which have the paper's network. */
+const anotherRobot = () => begin(withWords(data.words.filter((word) => !["network", "robot"].includes(keyOf(word))), [`genome=${anyChampion()}`]));
 
 /** Say whether the challenge is met; the button of each that was met has a tick. */
 function showChallenge() {
-  const met = recall("met", []);
-  if (challenge && verdict && !met.includes(challenge) && isMet(CHALLENGES[challenge])) remember("met", [...met, challenge]);
+  const text = challenge ? `${CHALLENGES[challenge].task} ${judgement()}` : "Drag the robot, dim the sun, put a block in its way: all robots get the same. Or choose a challenge.";
+  if ($("task").textContent !== text) $("task").textContent = text;
   for (const button of $("challenges").children) {
     button.setAttribute("aria-pressed", button.dataset.name === challenge);
     button.textContent = (recall("met", []).includes(button.dataset.name) ? "✓ " : "") + (CHALLENGES[button.dataset.name]?.name ?? "Free play");
   }
-  $("task").textContent = challenge ? `${CHALLENGES[challenge].task} ${judgement()}` : "Drag the robot, dim the sun, put a block in its way: all robots get the same. Or choose a challenge.";
 }
 
 const strangers = ({ may }) => now.keys.filter((key) => key !== "at_s" && !may.includes(key));
 const isMet = (one) => !strangers(one).length && (one.also?.() ?? true) && one.wants.every((want, c) => want === verdict[c]);
 
+let lastWord = null;  // what was said at the end of the life stays
+
 function judgement() {
   const one = CHALLENGES[challenge], other = strangers(one);
+  if (lastWord) return lastWord;
   if (other.length) return `You also changed ${other.join(", ").replaceAll("_", " ")}: press New life to try again.`;
   if (!verdict) return "";
-  return isMet(one) ? "Solved!" : one.isDrawn ? "Not this one: press Another robot." : "Not yet: press New life to try again.";
+  if (isMet(one)) remember("met", [...new Set([...recall("met", []), challenge])]);
+  return lastWord = isMet(one) ? "Solved!" : one.isDrawn ? "Not this one: press Another robot." : "Not yet: press New life to try again.";
 }
 
 /** Put a link to this life, with all that was changed in it, on the clipboard. It holds no secret. */

@@ -31,6 +31,7 @@ function judge() {
     here.lives[data.life] = { names: data.controllers, won: verdict, genome: data.genome };
     remember("score", here);
     setPlaying(false);
+    seek(last * data.interval);  // as fast as it goes, it is past it
     verdict.forEach((won, c) => tell(last, `${data.controllers[c]} ${won ? "succeeds" : "fails"}`));
   }
   showScore(here.lives);

@@ -5,7 +5,7 @@ class LiveMaze extends Maze {
   constructor(c) {
     super(c);
     this.flag = element("p", { className: "flag" });
-    this.canvases.both.append(this.flag);
+    this.figure.firstChild.append(this.flag);
     const canvas = this.canvases.above;
     canvas.tabIndex = 0;
     canvas.setAttribute("role", "application");
@@ -85,7 +85,7 @@ class LiveMaze extends Maze {
     pen.moveTo(x, base);
     pen.lineTo(x, y - 30);
     pen.stroke();
-    pen.fillStyle = colours.fell;
+    pen.fillStyle = colours.won;
     pen.beginPath();
     pen.moveTo(x, y - 30);
     pen.lineTo(x + 20, y - 23);

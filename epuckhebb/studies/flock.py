@@ -77,24 +77,19 @@ class Sweep:
 
 
 @dataclass(kw_only=True)
-class FlockKeys:
-    """The keys of group flock; see `epuckhebb.flock.plane.Flock` and `epuckhebb.flock.coupling.Coupling`."""
+class FlockKeys(Flock):
+    """The keys of group flock: of a `Flock`, of which several kinds may break, of a `Coupling`, and of the sweep."""
 
     coupling: str = ALL
     N: float = Coupling.N
     decay: float = Coupling.decay
     own: dict[str, Any] = field(default_factory=dict)
     shuffled: bool = True
-    robots: int = Flock.robots
-    knowers: int = Flock.knowers
     breaks: Any = Flock.breaks
-    at_s: float = Flock.at_s
-    duration_s: float = Flock.duration_s
-    loudness: float = Flock.loudness
-    noise: float = Flock.noise
-    range_m: float = Flock.range_m
-    spacing_m: float = Flock.spacing_m
     sweep: Sweep = field(default_factory=Sweep)
+
+    def __post_init__(self) -> None:
+        """Nothing: each flock of the study is checked."""
 
 
 @register

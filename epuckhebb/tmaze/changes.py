@@ -9,20 +9,17 @@ from typing import Any
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.ranges import Range, check_value
+from epuckhebb.tmaze.faults import KINDS
 from epuckhebb.tmaze.light import BRIGHTEST, Lamp
 from epuckhebb.tmaze.maze import SIDES, Box, Maze, Pose, gap
 from epuckhebb.tmaze.robot import STEP_S
 
-STEPS = ("sensor_levels", "sensor_delay_steps", "wheel_delay_steps")  # faults that are whole numbers
-FAULTS = (
-    *("distance_gain", "distance_offset", "left_distance_gain", "crosstalk", *STEPS),
-    *("left_wheel", "right_wheel", "left_slip", "right_slip", "mass_ratio"),
-)
+WHOLE = [name for name, kind in KINDS.items() if kind is int]  # faults that are whole numbers
 GROUPED = {"lamp": Lamp}  # keys with keys of their own
 AT_ONCE: Mapping[str, Any] = {"put": None, "reset": False}  # what happens at one step, and is over
 CHANGEABLE = (
-    *("light", "sun_turn_deg", *GROUPED, "second_lamp", "obstacles", "layout", "goals", "dead_sensors", *FAULTS),
-    *("wall_friction", "lamp_on", "placed", "rate", *AT_ONCE),
+    *("light", "sun_turn_deg", *GROUPED, "second_lamp", "obstacles", "layout", "goals", "dead_sensors", *KINDS),
+    *("mass_ratio", "wall_friction", "lamp_on", "placed", "rate", *AT_ONCE),
 )
 MOST_BLOCKS = 20
 SPARE = 0.001  # m: by about this much a robot sinks into a wall in the physics
@@ -41,7 +38,7 @@ def _are_goals(value: Any) -> bool:
 
 
 _KINDS: dict[str, tuple[Callable[[Any], bool], str]] = {  # what a value must be
-    **dict.fromkeys(("obstacles", "layout", *STEPS), (lambda value: type(value) is int, "a whole number")),
+    **dict.fromkeys(("obstacles", "layout", *WHOLE), (lambda value: type(value) is int, "a whole number")),
     "lamp_on": (lambda value: value is None or isinstance(value, bool), "true, false, or null for what the side says"),
     "reset": (lambda value: isinstance(value, bool), "true or false"),
     "second_lamp": (

@@ -11,8 +11,6 @@ robot's centre, and the friction of a wall grows with the mass.
 Sensors or wheels may be *late*: the network gets the readings of some steps ago, or the wheels its commands of then.
 Neighbouring infra-red sensors may *cross-talk*: each also reads a share of what its two neighbours do. A converter with
 few *levels* rounds each reading.
-
-Every kernel has dead sensors and weak wheels. The other faults are a part that only some kernels have.
 """
 
 import math
@@ -51,10 +49,8 @@ class Faults(NamedTuple):
     sensor_delay_steps: int = 0
     wheel_delay_steps: int = 0
 
-    @property
-    def more(self) -> bool:
-        """Whether there are other faults than dead sensors and weak wheels."""
-        return self != Faults(*self[:3])
+
+KINDS = {name: type(usual) for name, usual in Faults._field_defaults.items() if name != "lag"}  # of what a world sets
 
 
 def initial_past(robot: Robot) -> Floats:
@@ -64,7 +60,7 @@ def initial_past(robot: Robot) -> Floats:
 
 def faults_of(world: Any) -> Faults:
     """The faults of the robot in a world, a `Scenario`."""
-    values = {name: kind(getattr(world, name)) for name, kind in _KINDS.items()}
+    values = {name: kind(getattr(world, name)) for name, kind in KINDS.items()}
     return Faults(np.array(world.dead_sensors, np.int64), lag=1.0 - 1.0 / world.mass_ratio, **values)
 
 
@@ -74,19 +70,6 @@ def grip(slip: float, key: np.uint64, step: int, wheel: int) -> float:
     if slip > 0.0 and uniform(key, FAR + 2 * (step // SPELL) + wheel) < slip:
         return SLIPPING
     return 1.0
-
-
-_KINDS = {name: type(usual) for name, usual in Faults._field_defaults.items() if name != "lag"}
-
-
-@compiled
-def turn_at_once(
-    faults: Faults, tally: Any, past: Floats, left: float, right: float, gain: float, key: np.uint64, step: int
-) -> tuple[float, float]:
-    """The speeds [rad/s] at which the wheels move the robot, for these outputs of the network."""
-    tally.left_speed = gain * faults.left_wheel * left  # for a kernel with more faults, which may follow
-    tally.right_speed = gain * faults.right_wheel * right
-    return tally.left_speed, tally.right_speed
 
 
 @cache
@@ -123,10 +106,13 @@ def sensor_faults(robot: Robot) -> Callable[..., None]:
 
 
 @compiled
-def turn_with_faults(
+def turn_wheels(
     faults: Faults, tally: Any, past: Floats, left: float, right: float, gain: float, key: np.uint64, step: int
 ) -> tuple[float, float]:
-    """As `turn_at_once`, for wheels that may be late, slip and lag. past: as `initial_past`, updated."""
+    """The speeds [rad/s] at which the wheels move the robot, for these outputs of the network.
+
+    past: as `initial_past`, updated.
+    """
     commands, now = past.shape[1] - 2, past[step % past.shape[0]]
     now[commands], now[commands + 1] = left, right
     if faults.wheel_delay_steps > 0:

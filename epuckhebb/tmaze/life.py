@@ -13,20 +13,16 @@ from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.genotype import Genotype
-from epuckhebb.controller.network import Network
-from epuckhebb.controller.plasticity.weight_change import weight_change_workspace
-from epuckhebb.controller.random import noise_workspace_size
+from epuckhebb.controller.plasticity.update import Workspace
 from epuckhebb.controller.ranges import check, within
 from epuckhebb.controller.wiring import Neurons
 from epuckhebb.tmaze.faults import Faults
 from epuckhebb.tmaze.fitness import History
 from epuckhebb.tmaze.light import Lights
 from epuckhebb.tmaze.maze import Region
-from epuckhebb.tmaze.physics.pymunk import PYMUNK
-from epuckhebb.tmaze.physics_engine import Physics
 from epuckhebb.tmaze.robot import STEP_S, Robot
 from epuckhebb.tmaze.samples import Samples
-from epuckhebb.tmaze.senses import SenseWorkspace, sense_workspace
+from epuckhebb.tmaze.senses import SenseWorkspace
 
 _LONGEST_S = 1e9  # 31 years: more is surely a slip
 _MOST_SAMPLES = 1_000_000  # of a lifetime; each takes 1.3 kB, mostly weights
@@ -100,31 +96,6 @@ class Lifetime:
         return math.floor(self.duration_s / STEP_S + 1e-9)
 
 
-class Workspace(NamedTuple):
-    """Temporary arrays of a step; lifetimes that run one after the other may share them."""
-
-    senses: SenseWorkspace
-    noise: Floats
-    drive: Floats
-    substeps: Floats
-    synapses: Floats
-    change: Floats
-    mean: Floats
-
-
-def workspace_for(network: Network, robot: Robot, physics: Physics = PYMUNK) -> Workspace:
-    """Workspace for this network and robot."""
-    return Workspace(
-        senses=sense_workspace(robot, physics),
-        noise=np.zeros(noise_workspace_size(robot.inputs)),
-        drive=np.empty(network.neurons),
-        substeps=np.empty((network.substeps, network.neurons)),
-        synapses=np.empty((3, network.synapses)),
-        change=np.empty(weight_change_workspace(network)),
-        mean=np.empty(network.neurons),
-    )
-
-
 class Life(NamedTuple):
     """All that a lifetime carries from step to step, but for the space in which the robot stands.
 
@@ -147,6 +118,7 @@ class Life(NamedTuple):
     score: NDArray[np.void]
     neurons: Neurons
     workspace: Workspace
+    senses: SenseWorkspace
     past: Floats
 
 

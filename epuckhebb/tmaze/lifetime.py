@@ -13,6 +13,7 @@ from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled
 from epuckhebb.controller.plasticity.update import StepContext, effective_rate
 from epuckhebb.tmaze import fitness
+from epuckhebb.tmaze.faults import turn_wheels
 from epuckhebb.tmaze.life import Life, Setup
 from epuckhebb.tmaze.maze import Pose, Region
 from epuckhebb.tmaze.physics_engine import Handles, is_lost, pose
@@ -28,7 +29,7 @@ OUTPUT, SUBSTEPS, HAS_RULE, HAS_TRIALS, HAS_SCORE, resets = 0, 1, False, False, 
 draw_noise = sense = apply_sensor_faults = blind = reward_input = scale = _part  # sense
 forward = nearest = score = _part  # act, score
 open_gate = average = modulate = is_due = learn = record_tilt = _part  # learn
-explore = turn_wheels = move = to_goal = end_step = _part  # move
+explore = move = to_goal = end_step = _part  # move
 
 
 def live(life: Life, setup: Setup, space: Handles, until: int) -> None:
@@ -132,11 +133,11 @@ def perceive(
     readings: Floats,
 ) -> None:
     """Fill the inputs of the network, as sensors and task give them: with noise and faults."""
-    tally, noise = life.tally[0], life.workspace.noise
+    tally, noise = life.tally[0], life.senses.noise
     if setup.noise_level > 0.0:
         draw_noise(life.key, step, noise)
-    goal, workspace = Goal(setup.goal_x, setup.goal_y, tally.goal_distance), life.workspace.senses
-    sense(at.x, at.y, cos, sin, space, setup.lit, noise, setup.noise_level, workspace, readings, goal, robots)
+    goal = Goal(setup.goal_x, setup.goal_y, tally.goal_distance)
+    sense(at.x, at.y, cos, sin, space, setup.lit, noise, setup.noise_level, life.senses, readings, goal, robots)
     apply_sensor_faults(readings, setup.faults, life.past, step)
     blind(readings, setup.faults.dead_sensors)
     reward_input(readings, tally.reward)

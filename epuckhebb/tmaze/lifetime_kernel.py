@@ -3,22 +3,20 @@
 from collections.abc import Callable
 from typing import Any
 
-from epuckhebb.controller.compiling.kernel import compiled, kernel, nothing, with_parts
-from epuckhebb.controller.forward_pass import forward_pass
+from epuckhebb.controller.compiling.kernel import compiled, kernel, with_parts
 from epuckhebb.controller.network import Network
-from epuckhebb.controller.plasticity.rule import EVERY_STEP, NoRule, Rule, Schedule
-from epuckhebb.controller.plasticity.update import averaging, modulation_of, pausing, update_of
+from epuckhebb.controller.plasticity.rule import EVERY_STEP, Rule, Schedule
+from epuckhebb.controller.plasticity.update import controller_parts
 from epuckhebb.controller.random import normal_numbers
-from epuckhebb.tmaze.faults import sensor_faults, turn_at_once, turn_with_faults
+from epuckhebb.tmaze.faults import sensor_faults
 from epuckhebb.tmaze.individual import NoAdaptation
 from epuckhebb.tmaze.lifetime import decide, live, perceive, settle
-from epuckhebb.tmaze.own_fitness import PAPER_FITNESS, Fitness, score_of, scored
-from epuckhebb.tmaze.physics.pymunk import PYMUNK, mover_of_all
-from epuckhebb.tmaze.physics_engine import Physics
+from epuckhebb.tmaze.own_fitness import score_of, scored
+from epuckhebb.tmaze.physics.pymunk import mover_of_all
 from epuckhebb.tmaze.robot import OUTPUTS, Robot
+from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.senses import blinding, largest_distance_reading, senses
 from epuckhebb.tmaze.task import Task
-from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
 
 _kernels: dict[tuple[object, ...], Any] = {}  # those that this process has used
 
@@ -27,28 +25,22 @@ def kernel_of(
     rule: type[Rule],
     adaptation: NoAdaptation,
     network: Network,
-    robot: Robot,
+    world: Scenario,
     page: Callable[..., None] = live,
-    more_faults: bool = False,
-    task: Task = ONE_TRIAL,
-    fitness: Fitness = PAPER_FITNESS,
-    physics: Physics = PYMUNK,
     schedule: Schedule = EVERY_STEP,
 ) -> Any:
-    """`live`, or another page that takes the parts of a lifetime (`look`, `live_group`), compiled or from the cache.
+    """`live`, or another page that takes the parts of a lifetime (`look`, `decide_one`), compiled or from the cache.
 
-    more_faults: whether there are other faults than dead sensors and weak wheels. schedule: of the rule. Of task,
-    fitness and adaptation only the functions matter.
+    schedule: of the rule. Of the world only robot, task, fitness and physics matter, and of adaptation, task and
+    fitness only the functions.
     """
-    scoring = scored(fitness)
-    values = (rule, schedule, adaptation.parts, network, robot, more_faults, type(task), scoring, physics)
+    robot, task, physics, scoring = world.robot, world.task, world.physics, scored(world.fitness)
+    values = (rule, schedule, adaptation.parts, network, robot, type(task), scoring, physics)
     if (page, values) in _kernels:
         return _kernels[page, values]
     check_inputs(network, robot, task)
     parts = {
         "OUTPUT": network.first_output,
-        "SUBSTEPS": network.substeps,
-        "HAS_RULE": rule is not NoRule,
         "HAS_TRIALS": task.has_trials,
         "HAS_SCORE": scoring.step is not None,
         "score": score_of(scoring),
@@ -56,14 +48,9 @@ def kernel_of(
         "blind": blinding(robot),
         "nearest": largest_distance_reading(robot),
         "draw_noise": normal_numbers(robot.inputs),
-        "forward": forward_pass(network),
-        "average": averaging(schedule),
-        "is_due": pausing(rule, schedule),
-        "learn": update_of(rule, network, schedule),
-        "modulate": modulation_of(rule, network),
+        **controller_parts(rule, network, schedule),
         **adaptation.hooks(robot, network.post[0])._asdict(),
-        "apply_sensor_faults": sensor_faults(robot) if more_faults else nothing,
-        "turn_wheels": turn_with_faults if more_faults else turn_at_once,
+        "apply_sensor_faults": sensor_faults(robot),
         **task.hooks(robot.inputs)._asdict(),
         "move": physics.mover(robot),
         "move_all": mover_of_all(robot),

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled
+from epuckhebb.controller.random import noise_workspace_size
 from epuckhebb.tmaze.light import Lights
 from epuckhebb.tmaze.physics_engine import Handles, Physics
 from epuckhebb.tmaze.robot import Robot
@@ -18,16 +19,21 @@ Sense = Callable[..., None]
 
 
 class SenseWorkspace(NamedTuple):
-    """Workspace of `sense`: rays (numbers, sensors) of each ring of places; of each group a number for each sensor."""
+    """Workspace of `sense`: rays (numbers, sensors) of each ring of places; of each group a number for each sensor.
+
+    noise: for a number for each input, of the step.
+    """
 
     rays: tuple[Floats, ...]
     scratch: tuple[Floats, ...]
+    noise: Floats
 
 
 def sense_workspace(robot: Robot, physics: Physics) -> SenseWorkspace:
     """Workspace for a robot of this kind."""
     rays = tuple(np.empty((physics.ray_numbers, len(ring))) for ring in _rings(robot))
-    return SenseWorkspace(rays, tuple(np.zeros(group.count) for group in robot.sensors))
+    scratch = tuple(np.zeros(group.count) for group in robot.sensors)
+    return SenseWorkspace(rays, scratch, np.zeros(noise_workspace_size(robot.inputs)))
 
 
 @cache

@@ -11,7 +11,7 @@ import numpy as np
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.errors import explained
 from epuckhebb.controller.genotype import genotype_of
-from epuckhebb.controller.own_class import OwnClass, PartError, is_own
+from epuckhebb.controller.own_class import OwnClass, PartError, own_of
 from epuckhebb.controller.plasticity.rule import bound_of
 from epuckhebb.tmaze import fitness
 from epuckhebb.tmaze.faults import initial_past
@@ -59,8 +59,7 @@ class Session:
         self.individual, self.lifetime = individual, Lifetime() if lifetime is None else lifetime
         self._simulator = simulator = Simulator(world, self.lifetime) if simulator is None else simulator
         self._phases = list(simulator.phases)
-        self._more_faults = simulator.more_faults
-        self._kind = kind = simulator.kind_of(individual.controller, individual.network, self._more_faults)
+        self._kind = kind = simulator.kind_of(individual.controller, individual.network)
         self._first = first = self._phases[0].scenario
         self._nominal = individual.nominal if individual.controller.adaptation.acts else None
         self._is_usual = self._nominal is None and individual.after is None
@@ -119,6 +118,7 @@ class Session:
             score=world.fitness.initial_state(),
             neurons=genotype.neurons._replace(state=genotype.neurons.state.copy()),
             workspace=kind.workspace,
+            senses=kind.senses,
             past=initial_past(world.robot),
         )
 
@@ -176,13 +176,6 @@ class Session:
                     f"a world may change during a lifetime, its {kind} may not: got {new.name} for {old.name}"
                 )
         self._phases = self._simulator.phases_of(world, self.steps, self._phase)
-        who, self._more_faults = self.individual, any(phase.faults.more for phase in self._phases)
-        now = self._simulator.kind_of(who.controller, who.network, self._more_faults)
-        if now.live is not self._kind.live:
-            # A kernel without delays has kept no readings: those before count as the last.
-            activation = self.life.activation
-            self.life.past[:] = np.append(activation[: world.robot.inputs], activation[who.network.first_output :])
-        self._kind = self._kind._replace(live=now.live, usual=now.usual)
         self._enter(self._phases.pop(0))
 
     def look(self) -> Floats:
@@ -191,7 +184,7 @@ class Session:
         self._move_to_new_walls()
         readings = np.zeros(self.individual.network.inputs)
         who = self.individual
-        kernel = self._simulator.kernel(look, who.controller, who.network, self._more_faults)
+        kernel = self._simulator.kernel(look, who.controller, who.network)
         kernel(self.life, self.setup, self._space.handles, readings)
         return readings
 
@@ -265,7 +258,7 @@ class Session:
     def check(self) -> None:
         """Check that the lifetime still has finite numbers."""
         life, who, tally = self.life, self.individual, tally_of(self.life)
-        for group, scratch in zip(self.world.robot.sensors, life.workspace.senses.scratch, strict=True):
+        for group, scratch in zip(self.world.robot.sensors, life.senses.scratch, strict=True):
             if isinstance(group, Sensor):
                 for reading, value in zip(group.readings, scratch, strict=True):
                     if not 0.0 <= value <= 1.0:
@@ -296,5 +289,4 @@ def own_parts(individual: Individual, world: Scenario) -> list[type[OwnClass]]:
     """The classes of a lifetime's parts that are the user's own."""
     controller, wiring = individual.controller, individual.network.wiring
     parts = (controller.rule, wiring, world.fitness, world.task, world.physics, *world.robot.sensors)
-    kinds = [*map(type, parts), *controller.adaptation.parts]
-    return [kind for kind in kinds if isinstance(kind, type) and issubclass(kind, OwnClass) and is_own(kind)]
+    return own_of([*parts, *controller.adaptation.parts])

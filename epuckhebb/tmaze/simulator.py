@@ -16,11 +16,12 @@ from epuckhebb.controller.own_class import stored
 from epuckhebb.controller.plasticity.control import Sign, signs
 from epuckhebb.controller.plasticity.rule import Rule, schedule_of
 from epuckhebb.controller.plasticity.rules.paper import Paper
+from epuckhebb.controller.plasticity.update import Workspace, workspace_for
 from epuckhebb.tmaze.changes import AT_ONCE
 from epuckhebb.tmaze.faults import Faults, faults_of
 from epuckhebb.tmaze.fitness import initial_history, signal_number
 from epuckhebb.tmaze.individual import Controller
-from epuckhebb.tmaze.life import Lifetime, Workspace, workspace_for
+from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.lifetime import live
 from epuckhebb.tmaze.lifetime_kernel import kernel_of
 from epuckhebb.tmaze.light import lights
@@ -28,6 +29,7 @@ from epuckhebb.tmaze.maze import Pose, Region, Side
 from epuckhebb.tmaze.physics_engine import Space
 from epuckhebb.tmaze.samples import Samples, empty_samples
 from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.senses import SenseWorkspace, sense_workspace
 
 _PAPER = Paper()
 _NOWHERE = Region(math.inf, -math.inf, math.inf, -math.inf)  # the arm of a task that has no correct side
@@ -57,6 +59,7 @@ class Kind(NamedTuple):
     synapse_state: NDArray[np.void]
     signs: Floats | None
     workspace: Workspace
+    senses: SenseWorkspace
     no_samples: Samples
 
 
@@ -70,8 +73,7 @@ class Simulator:
     def __init__(self, world: Scenario, lifetime: Lifetime, fallback_rule: Rule = _PAPER) -> None:
         self.world, self.lifetime, self._fallback_rule = world, lifetime, fallback_rule
         self.phases = self.phases_of(world)
-        self.more_faults = any(phase.faults.more for phase in self.phases)
-        self._kinds: dict[tuple[int, int, bool], Kind] = {}
+        self._kinds: dict[tuple[int, int], Kind] = {}
 
     def phases_of(self, world: Scenario, since: int = 0, before: Phase | None = None) -> list[Phase]:
         """The phases of a world from step `since` on. before: the phase until then."""
@@ -90,22 +92,21 @@ class Simulator:
             phases.append(Phase(step, replace(now, **AT_ONCE) if has_begun else now, space, walls, faults_of(now)))
         return phases
 
-    def kernel(self, page: Callable[..., None], controller: Controller, network: Network, more_faults: bool) -> Any:
+    def kernel(self, page: Callable[..., None], controller: Controller, network: Network) -> Any:
         """A function of `lifetime.py`, compiled for such individuals in this world."""
-        world, rule = self.world, self._fallback_rule if controller.is_ga_alone else controller.rule
-        choice = page, more_faults, world.task, world.fitness, world.physics, schedule_of(rule)
-        return kernel_of(type(rule), controller.adaptation, network, world.robot, *choice)
+        rule = self._fallback_rule if controller.is_ga_alone else controller.rule
+        return kernel_of(type(rule), controller.adaptation, network, self.world, page, schedule_of(rule))
 
-    def kind_of(self, controller: Controller, network: Network, more_faults: bool) -> Kind:
-        """What individuals with this controller and network share. more_faults: whether their kernel has these."""
-        place = (id(controller), id(network), more_faults)
+    def kind_of(self, controller: Controller, network: Network) -> Kind:
+        """What individuals with this controller and network share."""
+        place = (id(controller), id(network))
         if place in self._kinds:
             return self._kinds[place]
         rule, adaptation, robot = controller.rule, controller.adaptation, self.world.robot
         compiled_for = self._fallback_rule if controller.is_ga_alone else rule
         own = compiled_for is rule
         factor = self.lifetime.gain_rad_s / rule.N_gain_rad_s if rule.N_gain_rad_s else 1.0
-        kernel = self.kernel(live, controller, network, more_faults)
+        kernel = self.kernel(live, controller, network)
         self._kinds[place] = kind = Kind(
             live=kernel,
             usual=SameTypes(kernel),
@@ -121,7 +122,8 @@ class Simulator:
             plan=plan_of(network, type(rule)),
             synapse_state=stored(compiled_for.synapse_state, network.synapses),
             signs=None if rule.sign is Sign.shuffled else signs(rule.sign, network.synapses),
-            workspace=workspace_for(network, robot, self.world.physics),
+            workspace=workspace_for(network),
+            senses=sense_workspace(robot, self.world.physics),
             no_samples=empty_samples(0, network, self.world.physics),
         )
         return kind

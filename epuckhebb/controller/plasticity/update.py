@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled, in_turn, nothing, one, zero
 from epuckhebb.controller.compiling.simd import WIDTH, alike, read, times, write
-from epuckhebb.controller.forward_pass import MOST_BLOCKS
+from epuckhebb.controller.forward_pass import MOST_BLOCKS, forward_pass
 from epuckhebb.controller.network import Network, by_layer, tanh
 from epuckhebb.controller.own_class import call_of, namedtuple_of, number
 from epuckhebb.controller.plasticity.rule import (
@@ -32,7 +32,7 @@ from epuckhebb.controller.plasticity.rule import (
     modulator_of,
     receives_reward,
 )
-from epuckhebb.controller.plasticity.weight_change import total_of, weight_change
+from epuckhebb.controller.plasticity.weight_change import total_of, weight_change, weight_change_workspace
 
 PRE, POST, CORRELATION = range(3)  # rows of the workspace of an update
 
@@ -151,6 +151,27 @@ class StepContext(NamedTuple):
     key: np.uint64
     step: int
     step_s: float
+
+
+class Workspace(NamedTuple):
+    """Temporary arrays of a step; lifetimes that run one after the other may share them."""
+
+    drive: Floats
+    substeps: Floats
+    synapses: Floats
+    change: Floats
+    mean: Floats
+
+
+def workspace_for(network: Network) -> Workspace:
+    """Workspace for this network."""
+    return Workspace(
+        drive=np.empty(network.neurons),
+        substeps=np.empty((network.substeps, network.neurons)),
+        synapses=np.empty((3, network.synapses)),
+        change=np.empty(weight_change_workspace(network)),
+        mean=np.empty(network.neurons),
+    )
 
 
 Update = Callable[..., float]
@@ -288,3 +309,16 @@ def update_of(rule: type[Rule], network: Network, schedule: Schedule = EVERY_STE
         return total(change)
 
     return learn
+
+
+def controller_parts(rule: type[Rule], network: Network, schedule: Schedule) -> dict[str, Any]:
+    """The parts of a step that act and learn, by their names in a page such as `epuckhebb.tmaze.lifetime`."""
+    return {
+        "SUBSTEPS": network.substeps,
+        "HAS_RULE": rule is not NoRule,
+        "forward": forward_pass(network),
+        "average": averaging(schedule),
+        "modulate": modulation_of(rule, network),
+        "is_due": pausing(rule, schedule),
+        "learn": update_of(rule, network, schedule),
+    }

@@ -204,21 +204,31 @@ def put_back(space: Handles, x: float, y: float, heading: float) -> None:
 
 
 @cache
+def _pusher(robot: Robot) -> Callable[[float, float], tuple[float, float]]:
+    """The function that gives the force ahead and the torque for wheels that turn at left and right [rad/s]."""
+    mass, inertia, wheel_radius, axle = robot.mass_kg, robot.inertia_kg_m2, robot.wheel_radius_m, robot.axle_m
+
+    @compiled
+    def push(left: float, right: float) -> tuple[float, float]:
+        speed, turn = wheel_radius * (left + right) / 2.0, wheel_radius * (right - left) / axle
+        return mass * speed / STEP_S, inertia * turn / STEP_S
+
+    return push
+
+
+@cache
 def mover(robot: Robot) -> Move:
     """The function `move(space, cos, sin, left, right)` that moves a robot of this kind for one step.
 
     It pushes a robot that looks along (cos, sin) so that its wheels turn at left and right [rad/s]. pymunk moves
     bodies first and applies forces afterwards, so the command takes effect in the *next* step.
     """
-    mass, inertia, wheel_radius, axle = robot.mass_kg, robot.inertia_kg_m2, robot.wheel_radius_m, robot.axle_m
+    mass, inertia, push = robot.mass_kg, robot.inertia_kg_m2, _pusher(robot)
     near = (robot.radius_m + _CLEAR_GAP) ** 2
 
     @compiled
     def move(space: Handles, cos: float, sin: float, left: float, right: float) -> None:
-        speed = wheel_radius * (left + right) / 2.0
-        turn = wheel_radius * (right - left) / axle
-        force = mass * speed / STEP_S
-        torque = inertia * turn / STEP_S
+        force, torque = push(left, right)
         state = space.state
         x = state[_X] + state[_V_X] * STEP_S
         y = state[_Y] + state[_V_Y] * STEP_S
@@ -246,7 +256,7 @@ def mover_of_all(robot: Robot) -> Callable[[Handles, Floats, Floats], None]:
     motion: (robots, 6), the view of the space's state. wheels: (robots, 4) left and right wheel [rad/s], and where each
     robot looks, cosine and sine. pymunk is called if any robot is near a wall or another robot, or was recently.
     """
-    mass, inertia, wheel_radius, axle = robot.mass_kg, robot.inertia_kg_m2, robot.wheel_radius_m, robot.axle_m
+    mass, inertia, push = robot.mass_kg, robot.inertia_kg_m2, _pusher(robot)
     near, apart = (robot.radius_m + _CLEAR_GAP) ** 2, (2.0 * robot.radius_m + _CLEAR_GAP) ** 2
 
     @compiled
@@ -267,10 +277,7 @@ def mover_of_all(robot: Robot) -> Callable[[Handles, Floats, Floats], None]:
             _give(space)
         for i in range(robots):
             left, right, cos, sin = wheels[i, 0], wheels[i, 1], wheels[i, 2], wheels[i, 3]
-            speed = wheel_radius * (left + right) / 2.0
-            turn = wheel_radius * (right - left) / axle
-            force = mass * speed / STEP_S
-            torque = inertia * turn / STEP_S
+            force, torque = push(left, right)
             if easy:
                 motion[i, _X] += motion[i, _V_X] * STEP_S
                 motion[i, _Y] += motion[i, _V_Y] * STEP_S

@@ -16,25 +16,21 @@ shape there is one, which reaches all synapses. Their control has no modulation 
 such a control, with one rule for each layer.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.evolved import Evolved
-from epuckhebb.controller.plasticity.rule import MODULATOR, REWARD, Rule
+from epuckhebb.controller.plasticity.four_terms import FourTerms
+from epuckhebb.controller.plasticity.rule import MODULATOR, REWARD
 
 _ONE = Evolved("network", start=0.5, limit=2.0)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Modulated(Rule):
-    """Plasticity scaled by a modulatory neuron, ten numbers in the paper's network, eleven with a reward.
-
-    The live fitness does not scale the rate (`floor` is 1, its maximum). N holds at the wheel gain of training.
-    """
+class Modulated(FourTerms):
+    """Plasticity scaled by a modulatory neuron, ten numbers in the paper's network, eleven with a reward."""
 
     evolved: ClassVar = {
         "v": Evolved(MODULATOR, start=0.5, limit=2.0),
@@ -45,17 +41,10 @@ class Modulated(Rule):
         "eta": _ONE._replace(value=lambda theta: 10.0 ** np.clip(theta, -1.5, 1.0) / 0.3),
         "vr": Evolved(REWARD, start=0.5, limit=2.0, value=lambda theta: 4.0 * (1.0 + theta)),
     }
-    coefficients: ClassVar = ("A", "B", "C", "D")
-
-    N_gain_rad_s: float = 4.0
-    floor: float = 1.0
-
-    @classmethod
-    def express(cls, parameters: Mapping[str, Floats]) -> Mapping[str, Floats]:
-        """Eta in A, B, C and D."""
-        return {name: parameters["eta"] * parameters[name] for name in cls.coefficients}
 
     @staticmethod
-    def synapse(pre: float, post: float, A: float, B: float, C: float, D: float) -> float:
+    def synapse(  # type: ignore[override]  # arguments go by name
+        pre: float, post: float, A: float, B: float, C: float, D: float
+    ) -> float:
         """D = A x_j x_i + B x_j + C x_i + D0, multiplied later by the modulatory neuron's output."""
         return (A * post + B) * pre + C * post + D
