@@ -4,7 +4,6 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from rich.console import Console
 from rich.text import Text
 
@@ -271,15 +270,6 @@ def print_champion(genome: Genome, console: Console) -> None:
         start = f" from {genome.start}" if genome.start else ""
         line = f"Evolved by {genome.optimizer}{start}, {where}{rule}{task}{fitness}"
         print_line(console, line)
-    nominal = genome.nominal
-    if nominal is None:
-        return
-    rows = []
-    for name, numbers in {
-        "At the goal in the end": nominal.success,
-        "Slowest arrival (s)": nominal.time_to_goal_s,
-        "Longest away afterwards (s)": nominal.away_s,
-    }.items():
-        rows.append((name, *("never" if np.isnan(number) else f"{number:g}" for number in numbers.round(2))))
-    title = f"Nominal: {nominal.scenario} at {nominal.gain_rad_s:g} rad/s"
-    print_table(console, title, ("", "left (lamp off)", "right (lamp on)"), rows)
+    if genome.nominal is not None:
+        where, gain = genome.nominal.scenario, genome.nominal.gain_rad_s
+        print_line(console, f"Nominal statistics: of {where} at {gain:g} rad/s, in its file")
