@@ -286,8 +286,9 @@ def film(config: EvaluateEnvironment) -> bytes:
         if next(step) % every == 0:
             frames.append(Image.fromarray(env.render()).reduce(2))
 
-    what, hint = f"environment={config.world.name} cannot be drawn here", "without a screen, MuJoCo needs MUJOCO_GL="
-    with refusing(lambda error: f"{what}: {error}; {hint}osmesa or egl", Exception):  # a library may raise anything
+    what = f"environment={config.world.name} cannot be drawn here"
+    hint = "without a screen, MuJoCo needs MUJOCO_GL=osmesa or egl"
+    with refusing(lambda error: f"{what}: {error}; {hint}", Exception):  # a library may raise anything
         config.world.live(_controller(config, work), work.seeds[0], watch=watch)
     buffer = io.BytesIO()
     frames[0].save(buffer, "GIF", save_all=True, append_images=frames[1:], duration=_FRAME_MS, loop=0)
