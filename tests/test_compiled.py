@@ -16,9 +16,9 @@ from epuckhebb.controller.compiling.kernel import compiled, in_module, kernel
 from epuckhebb.controller.network import PAPER_NETWORK, Network
 from epuckhebb.controller.plasticity.rules.oja import Oja
 from epuckhebb.controller.plasticity.rules.paper import Paper
-from epuckhebb.tmaze.lifetime_kernel import kernel_of
 from epuckhebb.tmaze.own_fitness import Fitness
 from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.simulator import kernel_of
 
 FITNESS = """
 from dataclasses import dataclass
@@ -120,7 +120,7 @@ def in_processes(code, arguments, cache):
 NAMES = """
 import json
 from epuckhebb.adaptation.adaptation import Adaptation
-from epuckhebb.tmaze.lifetime_kernel import kernel_of
+from epuckhebb.tmaze.simulator import kernel_of
 from epuckhebb.controller.network import PAPER_NETWORK
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze.scenario import Scenario

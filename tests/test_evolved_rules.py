@@ -258,6 +258,7 @@ def test_a_champion_keeps_the_shuffled_signs_with_which_it_evolved(monkeypatch, 
     assert (own.signs != drawn.signs).any()
 
 
+@pytest.mark.usefixtures("here")
 def test_a_rule_evolves_for_a_given_champion(champions):
     own = [f"genome={champions / 'modulated'}", "hebbian=abcd_shared", *TINY]
     done("evolve", *own, "optimizer.generations=1", "hydra.run.dir=run")

@@ -14,6 +14,7 @@ from epuckhebb.analysis import leaderboard as board
 from epuckhebb.cli import completion
 from epuckhebb.config import compose
 from epuckhebb.config.schema import EvolveConfig, typed
+from epuckhebb.runs import earlier_champions
 from epuckhebb.runtime.conf import groups
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.studies import leaderboard, methods
@@ -86,8 +87,29 @@ def test_it_leaves_tables_a_figure_and_a_page(made):
     assert (folder / "figures" / "leaderboard_obstacles.png").read_bytes().startswith(b"\x89PNG")
     page = (folder / "report.html").read_text()
     assert "://" not in re.sub(r'src="data:[^"]+"', "", page)
-    assert page.count('src="data:image/png;base64,') == 2
+    assert page.count('src="data:image/png;base64,') == 3
     assert "<title>epuckhebb: Leaderboard</title>" in page
+
+
+def test_the_champions_of_earlier_generations_are_those_that_the_evolution_had(made):
+    folder, _ = made
+    course = pd.read_csv(folder / "anytime.csv")
+    assert set(course.method) == {"tiny"}  # that other methods are added to
+    assert list(course.mark) == [0, 1, 2, 3]
+    last = pd.read_csv(folder / "leaderboard.csv").set_index("method").loc["tiny"]
+    assert course.iloc[3][["robot_steps", "success"]].tolist() == [last.robot_steps, last.success]
+    assert course.robot_steps.is_monotonic_increasing
+
+
+@pytest.mark.usefixtures("here")
+def test_an_evolution_that_stops_early_ends_with_an_earlier_champion():
+    small = ["ga.population=6", "ga.elites=2", "ga.loops=1", "lifetime.duration_s=5", "figures=none"]
+    for generations in (1, 3):
+        done("evolve", *small, f"ga.generations={generations}", f"hydra.run.dir={generations}")
+    (early,) = earlier_champions(Path("3"), [1 / 3])
+    with np.load("1/champion.npz") as champion:
+        assert (early[1] == champion["genome"]).all()
+    assert early[0] == pd.read_csv("1/history.csv").robot_steps.sum()
 
 
 def test_a_method_brings_what_it_is_compared_with(made):

@@ -23,12 +23,12 @@ from epuckhebb.tmaze.batch import run_lifetimes
 from epuckhebb.tmaze.fitness import Signal
 from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
 from epuckhebb.tmaze.life import Lifetime
-from epuckhebb.tmaze.lifetime_kernel import kernel_of
 from epuckhebb.tmaze.light import Lamp
 from epuckhebb.tmaze.maze import SIDES, Pose
 from epuckhebb.tmaze.robot import Robot
 from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.session import LostRobotError
+from epuckhebb.tmaze.simulator import kernel_of
 
 DATA = Path(__file__).parent / "data"
 LAMPS = {"wide": Lamp(), "narrow": Lamp(y_m=-0.3, beam_rad=0.8)}

@@ -16,13 +16,13 @@ from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze.batch import run_lifetimes
 from epuckhebb.tmaze.fitness import Signal
 from epuckhebb.tmaze.individual import Controller, Individual, NoAdaptation
-from epuckhebb.tmaze.lifetime_kernel import kernel_of
 from epuckhebb.tmaze.light import Lamp
 from epuckhebb.tmaze.outcome import OutcomeOfTrials
 from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
 from epuckhebb.tmaze.robot import STEP_S
 from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.session import Session
+from epuckhebb.tmaze.simulator import kernel_of
 from epuckhebb.tmaze.tasks.reversal import Reversal
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "own_fitness" / "my_fitness.py"

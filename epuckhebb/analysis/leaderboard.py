@@ -164,6 +164,19 @@ def _with_best_plain(board: pd.DataFrame, champions: pd.DataFrame) -> pd.DataFra
     return board.join(pd.DataFrame(found, index=board.index, columns=["best_plain", *_BEST_PLAIN]))
 
 
+def anytime(courses: pd.DataFrame) -> pd.DataFrame:
+    """The share of champions and worlds that are solved after a number of robot-steps of the evolution, of each method.
+
+    courses: a row for each champion and mark in its evolution, in order: robot_steps, trials, successes.
+    """
+    rows = []
+    for key, own in courses.groupby(["experiment", "method", "mark"], sort=False):
+        row: dict[str, Any] = dict(zip(("experiment", "method", "mark"), key, strict=True))
+        row["robot_steps"] = int(own.robot_steps.mean())
+        rows.append(row | {"champions": len(own), **_success_of(own, "success")})
+    return pd.DataFrame(rows)
+
+
 def _success_of(champions: pd.DataFrame, name: str) -> dict[str, float]:
     trials, successes = champions.trials.to_numpy(np.int64), champions.successes.to_numpy(np.int64)
     low, high = wilson_by_champion(successes, trials)
@@ -332,6 +345,9 @@ CAPTIONS = {
         "Left: success over the test worlds, or share of rewarded trials, of each method, with its 95 % interval. "
         "Small dots are single champions. A cross is the same with the rule off, a triangle with the reward inverted. "
         "Right: the difference to the matched control."
+    ),
+    "anytime": (
+        "Anytime curves: the success over the test worlds of the champions that a method has after so many robot-steps."
     ),
     "profiles": (
         "Performance profiles: the share of champions whose success exceeds the value below. A line is a method; the "

@@ -1,6 +1,7 @@
-"""Figures of the leaderboard: success and differences, performance profiles."""
+"""Figures of the leaderboard: success and differences, performance profiles, anytime curves."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -70,20 +71,42 @@ def success(board: pd.DataFrame, champions: pd.DataFrame, limits: Mapping[str, f
 @in_house_style()
 def profiles(board: pd.DataFrame, champions: pd.DataFrame) -> Figure:
     """The share of champions that exceed each success, of each method; see `success`."""
-    thresholds, groups = np.linspace(0.0, 1.0, 401), by_experiment(board)
+    thresholds = np.linspace(0.0, 1.0, 401)
+
+    def curve(own: pd.DataFrame) -> tuple[Any, Any]:
+        return thresholds, performance_profile((own.successes / own.trials).to_numpy(float), thresholds)
+
+    drawn = _curves(board, champions, curve, drawstyle="steps-post")
+    for axes in drawn.axes:
+        axes.set(xlim=(0, 1), xlabel="success over the test worlds")
+    drawn.axes[0].set_ylabel("share of champions that exceed it")
+    return drawn
+
+
+@in_house_style()
+def anytime(board: pd.DataFrame, course: pd.DataFrame) -> Figure:
+    """The success of each method against the robot-steps of its evolution. course: of `leaderboard.anytime`."""
+    tested = board[board.method.isin(course.method)]
+    drawn = _curves(tested, course, lambda own: (own.robot_steps / 1e6, own.success), marker="o", markersize=3)
+    for axes in drawn.axes:
+        axes.set(xscale="log", xlabel="million robot-steps of evolution")
+    drawn.axes[0].set_ylabel("success over the test worlds")
+    return drawn
+
+
+def _curves(
+    board: pd.DataFrame, rows: pd.DataFrame, curve: Callable[[pd.DataFrame], tuple[Any, Any]], **style: Any
+) -> Figure:
+    """A line for each method, a panel for each experiment; the best method of each kind has its name."""
+    groups = by_experiment(board[board.experiment.isin(rows.experiment)])
     drawn = Figure(figsize=(3.5 * len(groups) + 0.8, 3.4))
     panels = drawn.subplots(1, len(groups), squeeze=False, sharey=True)[0]
     for axes, (experiment, own) in zip(panels, groups, strict=True):
         best = own.loc[own.groupby("kind").success.idxmax()].set_index("method").kind
         for method in sorted(own.method, key=lambda name: name in best):
-            each = champions[(champions.experiment == experiment) & (champions.method == method)]
-            exceeding = performance_profile((each.successes / each.trials).to_numpy(float), thresholds)
+            line = curve(rows[(rows.experiment == experiment) & (rows.method == method)])
             look = {"color": KIND[best[method]], "linewidth": 2.2, "label": plain(method)} if method in best else {}
-            axes.plot(
-                thresholds, exceeding, **{"color": "#dddddd", "linewidth": 0.8, "drawstyle": "steps-post", **look}
-            )
-        axes.set(xlim=(0, 1), ylim=(0, 1.02), xlabel="success over the test worlds")
-        axes.set_title(f"{leaderboard.title(experiment)}, n = {own.champions.max()}")
+            axes.plot(*line, **{"color": "#dddddd", "linewidth": 0.8, **style, **look})
+        axes.set(ylim=(0, 1.02), title=f"{leaderboard.title(experiment)}, n = {own.champions.max()}")
         axes.legend()
-    panels[0].set_ylabel("share of champions that exceed it")
     return drawn

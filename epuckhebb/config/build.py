@@ -17,13 +17,13 @@ from epuckhebb.controller.wiring import Wiring
 from epuckhebb.evolution.optimizer import Algorithm
 from epuckhebb.runtime import ConfigError, refusing
 from epuckhebb.tmaze.individual import CONTROLS, GA, Controller
-from epuckhebb.tmaze.lifetime_kernel import check_inputs
 from epuckhebb.tmaze.maze import Maze, Place, Pose, Side
 from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.robot import OUTPUTS, Robot
 from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.sensors import DistanceSensors, LightSensors
+from epuckhebb.tmaze.simulator import check_inputs
 from epuckhebb.tmaze.task import Task
 from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
 

@@ -17,7 +17,7 @@ from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.errors import explained
 from epuckhebb.controller.compiling.kernel import SameTypes, kernel
 from epuckhebb.controller.genome import plan_of
-from epuckhebb.controller.genotype import Genotype, genotype_of
+from epuckhebb.controller.genotype import Genotype, initial_state
 from epuckhebb.controller.network import PAPER_NETWORK, Network
 from epuckhebb.controller.own_class import PartError, own_of, stored
 from epuckhebb.controller.plasticity.control import signs as signs_of
@@ -121,7 +121,7 @@ class Controller:
         """Begin a lifetime. seed: of initial weights that are random, and of what is random in the rule."""
         network, rule = self.network, self.rule
         self.key, self.steps = np.uint64(seed), 0
-        genotype = genotype_of(
+        state = initial_state(
             self.genes,
             self._plan,
             network,
@@ -132,20 +132,9 @@ class Controller:
             gain_rad_s=_NO_GAIN,
             step_s=self.step_s,
         )
-        activation = np.zeros(network.neurons)
-        activation[network.bias] = 1.0
-        self._state = _State(
-            genotype,
-            genotype.weights.copy(),
-            genotype.synapse_state.copy(),
-            activation,
-            np.zeros((rule.average, network.neurons)),
-            genotype.neurons._replace(state=genotype.neurons.state.copy()),
-            np.zeros(2),
-            self._workspace,
-        )
-        self.weights, self._inputs = self._state.weights, activation[: network.inputs]
-        self._outputs = activation[network.first_output :]
+        self._state = _State(**state, tally=np.zeros(2), workspace=self._workspace)
+        self.weights, activation = self._state.weights, self._state.activation
+        self._inputs, self._outputs = activation[: network.inputs], activation[network.first_output :]
 
     def act(self, observation: ArrayLike, reward: float = 0.0) -> Floats:
         """The outputs, (outputs,) of -1 to 1, for an observation, (inputs,); then the weights are updated.
@@ -154,13 +143,10 @@ class Controller:
         """
         self._inputs[:] = observation
         arguments = self._numbers, self.rate, self._floor, float(reward), self.step_s, self.key, self.steps
-        if self.steps:
+        try:
             self._kernel.call(self._state, *arguments)
-        else:
-            try:
-                self._kernel.call(self._state, *arguments)
-            except Exception as error:  # machine code raises nothing, so it comes from compiling
-                raise explained(own_of([self.rule, self.network.wiring]), error) from error
+        except Exception as error:  # machine code raises nothing, so it comes from compiling
+            raise explained(own_of([self.rule, self.network.wiring]), error) from error
         self.steps += 1
         return self._outputs.copy()
 

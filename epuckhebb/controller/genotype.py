@@ -1,6 +1,6 @@
 """What a lifetime starts with: the initial weights, and what synapses and neurons have of the genes."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +39,7 @@ class Genotype(NamedTuple):
     neurons: Neurons = NO_NEURONS
 
 
-def genotype_of(
+def initial_state(
     genes: Floats,
     plan: GenomePlan,
     network: Network,
@@ -50,8 +50,11 @@ def genotype_of(
     synapse_state: NDArray[np.void],
     gain_rad_s: float,
     step_s: float,
-) -> Genotype:
-    """What a lifetime starts with. key: of random initial weights. gain_rad_s, step_s: as a wiring has them."""
+) -> dict[str, Any]:
+    """What a lifetime carries before its first step, by name.
+
+    key: of random initial weights. synapse_state: as in `Genotype`. gain_rad_s, step_s: as a wiring has them.
+    """
     parts, wiring = values_of(type(rule), network, plan.split(np.ascontiguousarray(genes, float))), network.wiring
     inherited, neurons = parts[WEIGHTS], NO_NEURONS
     if rule.initial_weights is InitialWeights.random:
@@ -59,12 +62,21 @@ def genotype_of(
     weights = initial_weights_of(inherited)
     if wiring is not None:
         neurons = wiring.initial({name: parts[NEURON + name] for name in wiring.evolved}, gain_rad_s, step_s)
-    return Genotype(
-        weights,
-        synapse_state,
-        coefficients(type(rule), network, parts),
-        modulatory_weights(type(rule), parts, rule.reward),
-        initial_lengths(rule, network, weights),
-        np.ascontiguousarray(signs, float),
-        neurons,
-    )
+    activation = np.zeros(network.neurons)
+    activation[network.bias] = 1.0
+    return {
+        "genotype": Genotype(
+            weights,
+            synapse_state,
+            coefficients(type(rule), network, parts),
+            modulatory_weights(type(rule), parts, rule.reward),
+            initial_lengths(rule, network, weights),
+            np.ascontiguousarray(signs, float),
+            neurons,
+        ),
+        "weights": weights.copy(),
+        "synapse_state": synapse_state.copy(),
+        "activation": activation,
+        "recent": np.zeros((rule.average, network.neurons)),
+        "neurons": neurons._replace(state=neurons.state.copy()),
+    }

@@ -28,7 +28,7 @@ from epuckhebb.tmaze.simulator import Simulator
 
 _SHARED = ("side", "controller", "network")  # of an individual: one lamp, one kernel and one rate for all
 
-# The parts of a lifetime; `epuckhebb.tmaze.lifetime_kernel` puts them here.
+# The parts of a lifetime; `epuckhebb.tmaze.simulator` puts them here.
 _part: Any = None
 decide = settle = to_goal = move_all = _part
 

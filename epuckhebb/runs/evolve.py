@@ -32,7 +32,7 @@ from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import name_of
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.plasticity.rule import NoRule
-from epuckhebb.evolution.evolve import Generation, evolve, training_signs
+from epuckhebb.evolution.evolve import Generation, evolve, training_signs, with_given
 from epuckhebb.evolution.optimizer import limits
 from epuckhebb.evolution.search import Results, Search, check_start
 from epuckhebb.runs import hydra
@@ -129,6 +129,12 @@ class PreparedEvolution:
             start=self.start[1] if self.start else None,
             origin=self.origin,
         )
+
+    def fittest(self, log: Sequence[Results], number: int) -> NDArray[np.float64]:
+        """The fittest genome of a generation that has ended: the optimizer asks for it again, without a lifetime."""
+        fittest = self.search(log[:number]).ask()[[np.argmax(log[number].fitness)]]
+        fittest = with_given(fittest, self.network, self.config.rule, self.given)
+        return np.ravel(fittest)
 
     def network_genes(self, champion: NDArray[np.float64]) -> NDArray[np.float64]:
         """The genes of a champion that are its network, without those of a rule."""
@@ -274,6 +280,18 @@ def _write_generation(run: RunFolder, state: Checkpoint, prepared: PreparedEvolu
     """Bring the other files of an evolution to the state of its checkpoint; the history last, which says so."""
     run.write(CHAMPION, prepared.champion(state.generation))
     run.write("history.csv", state.history)
+
+
+def earlier_champions(path: Path, shares: Sequence[float]) -> Iterator[tuple[int, NDArray[np.float64]]]:
+    """The champions of a whole evolution after shares of its generations, each with the robot-steps until then."""
+    config = from_values(settings(path / CONFIG), EvolveConfig, str(path / CONFIG))
+    prepared, run = prepare_evolution(config), Run(path)
+    last = Checkpoint.read(path, prepared.search, _digest(path, config))
+    assert last is not None  # it is whole
+    steps = run.table("history.csv").robot_steps.cumsum()
+    for share in shares:
+        number = max(1, round(share * len(steps))) - 1
+        yield int(steps[number]), prepared.fittest(last.generation.log, number)
 
 
 def resume(arguments: list[str]) -> Path:

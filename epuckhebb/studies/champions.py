@@ -11,8 +11,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
+from epuckhebb.analysis import leaderboard as board
 from epuckhebb.analysis import reproduction
 from epuckhebb.analysis.evaluate import Rows
 from epuckhebb.config import (
@@ -28,6 +31,7 @@ from epuckhebb.config import (
 )
 from epuckhebb.runs import (
     compile_for,
+    earlier_champions,
     evolve_into,
     hydra,
     new_evolution,
@@ -85,7 +89,8 @@ def job_of(overrides: list[str], config: Plain, *, champion: str = "", purpose: 
 
     champion: the run of the champion that it tests, or whose weights it is given; "" for the genome of `config`. more:
     `worlds`, by name; `config_dir`, where the user's are; `name` of the champion in tables; `rates`, `signal` and
-    `experiment` for the paper's rule and its controls in place of the controllers of `config`.
+    `experiment` for the paper's rule and its controls in place of the controllers of `config`; `course`, shares of the
+    evolution after which its champions are tested, too.
     """
     job = {"config": config, "champion": champion, **more}
     return Job(number=0, overrides=overrides, run=ChampionStudy.name_of(job), config=job, purpose=purpose)
@@ -129,11 +134,22 @@ def _test(path: Path, config: EvaluateConfig, job: Plain, overrides: list[str], 
     own = own_files(config.values)
     with RunFolder.new(path, facts["command_line"][1], dump(config), overrides, facts, own) as run:
         began = time.process_time()
-        rows: Rows = []
-        for name in job["worlds"]:
-            there = prepared.in_world_of(evaluation_named(name, job.get("config_dir")))
-            rows += there.run(there.remember(threads), threads)[0]
+
+        def tested(genes: NDArray[np.float64]) -> pd.DataFrame:
+            rows: Rows = []
+            champion = replace(prepared, genome=replace(prepared.genome, genes=genes))
+            for name in job["worlds"]:
+                there = champion.in_world_of(evaluation_named(name, job.get("config_dir")))
+                rows += there.run(there.remember(threads), threads)[0]
+            return pd.DataFrame(rows)
+
+        metrics = tested(genome.genes)
         if genome.sha256 != facts["genome_sha256"]:
             raise JobFailedError(f"the genes of {genome.name} changed in its lifetimes")
-        run.write("metrics.csv", pd.DataFrame(rows))
+        run.write("metrics.csv", metrics)
+        if "course" in job:
+            training_world, *_ = job["worlds"]
+            evolution = earlier_champions(path.parents[1] / job["champion"], job["course"])
+            course = [{"robot_steps": n, **board.of_champion(tested(one), training_world)[0]} for n, one in evolution]
+            run.write("course.csv", pd.DataFrame(course)[["robot_steps", "trials", "successes"]])
         run.write(COST, as_json({"cpu_s": round(time.process_time() - began, 2)}))

@@ -51,6 +51,7 @@ QUICK = ("champions=2", "tests=[rescue]", "methods=[ga,sep_cma_es_varied,abcd_sh
 _METHODS = "methods="
 _SHOWN = ((0, 1, 3, 4, -5), (0, 1, 2, 3, -6))  # columns in the terminal; those of reversal learning last
 _ENOUGH = 8  # champions of a method; fewer are a smoke test
+_COURSE = (1 / 8, 1 / 4, 1 / 2)  # shares of an evolution
 _CHAMPIONS, _RULES, _TESTS = STAGES = "evolve champions", "evolve rules for champions", "test champions"
 _PARTS = ("network", "fitness", "physics")  # groups of settings with which champions are tested as they evolved
 _NAMES = re.compile(r"[^\[\],\s'\"]+")  # in a value of a sweep, one or a list of them
@@ -137,7 +138,7 @@ class Leaderboard(ChampionStudy):
     def tables(self, runs: Sequence[Run]) -> dict[str, pd.DataFrame]:
         """See `Study`: a row for each champion; for each method and test world; the leaderboard; costs."""
         folder = runs[0].path.parent
-        champions, worlds, costs = [], [], []
+        champions, worlds, costs, courses = [], [], [], []
         sweeps = {
             name.replace("+", "_"): sweep for sweep in reversed(self.tests) for name in _swept(sweep, self.config_dir)
         }
@@ -159,6 +160,9 @@ class Leaderboard(ChampionStudy):
                 names = {"seed": seed, "champion": evolutions[-1][seed].run, "test": test.run}
                 champions.append(whose | names | counts | {"robot_steps": steps})
                 of_worlds.append(away)
+                if tested.has("course.csv"):
+                    course = [*tested.table("course.csv").to_dict("records"), counts | {"robot_steps": steps}]
+                    courses += [whose | {"mark": mark, **row} for mark, row in enumerate(course)]
                 spent["evolve_cpu_s"].append(sum(run.json(COST)["cpu_s"] for run in evolved))
                 spent["test_cpu_s"].append(tested.json(COST)["cpu_s"])
             summed = pd.concat(of_worlds).groupby("scenario", sort=False).sum().reset_index()
@@ -167,7 +171,8 @@ class Leaderboard(ChampionStudy):
             costs.append(whose | {name: round(sum(each) / len(each), 1) for name, each in spent.items()})
         made = pd.DataFrame(champions).astype({"successes_off": "Int64", "successes_inverted": "Int64"})
         table = board.table([entry.row for entry in self.entries], made)
-        return {"champions": made, "worlds": pd.DataFrame(worlds), "leaderboard": table, "cost": pd.DataFrame(costs)}
+        every = {"champions": made, "worlds": pd.DataFrame(worlds), "leaderboard": table, "cost": pd.DataFrame(costs)}
+        return every | ({"anytime": board.anytime(pd.DataFrame(courses))} if courses else {})
 
     def figures(self, run: Run) -> dict[str, "Figure"]:
         """See `Study`."""
@@ -180,6 +185,8 @@ class Leaderboard(ChampionStudy):
             for (one, own), (_, champions) in zip(*(table.groupby("experiment") for table in tables), strict=True)
         }
         drawn["profiles"] = charts.profiles(*tables)
+        if run.has("anytime.csv"):
+            drawn["anytime"] = charts.anytime(tables[0], run.table("anytime.csv"))
         for name, figure in drawn.items():
             figure.set_label(board.CAPTIONS[name.partition("_")[0]])
         return drawn
@@ -304,6 +311,7 @@ def _entry(study: Leaderboard, experiment: str, method: Method, over: Entry | No
             purpose=f"test {method.name}, {experiment}, seed {seed}",
             worlds=[training, *tests],
             config_dir=study.config_dir,
+            **({"course": _COURSE} if tests and method.evolve and not over else {}),
         )
         for seed, champion in champions.items()
     }

@@ -1,7 +1,7 @@
 """A lifetime: sense, act, score, learn, move, every 32 ms, from the genome's weights to its end.
 
 `live` is the whole of it for one robot, compiled. The names in capitals and the functions that are not of this file are
-its parts: `lifetime_kernel` puts those of the robot, the network, the plasticity rule, the adaptation and
+its parts: `simulator` puts those of the robot, the network, the plasticity rule, the adaptation and
 the task in their place. All that a lifetime carries is in one record (`epuckhebb.tmaze.life.Life`). So it can be paused
 at any step, and resumed bit-identically.
 """
@@ -23,7 +23,7 @@ from epuckhebb.tmaze.sensors import NO_ROBOTS, Goal
 
 CONTACT = 0.8  # a distance reading above this counts as contact, as in the published code
 
-# The parts of a lifetime; `epuckhebb.tmaze.lifetime_kernel` puts them here.
+# The parts of a lifetime; `epuckhebb.tmaze.simulator` puts them here.
 _part: Any = None
 OUTPUT, SUBSTEPS, HAS_RULE, HAS_TRIALS, HAS_SCORE, resets = 0, 1, False, False, False, False
 draw_noise = sense = apply_sensor_faults = blind = reward_input = scale = _part  # sense
@@ -68,7 +68,7 @@ def decide(
     tally, weights, activation, workspace = life.tally[0], life.weights, life.activation, life.workspace
 
     # Sense.
-    perceive(life, setup, space, robots, at, cos, sin, step, activation)
+    perceive(life, setup, space, robots, at, cos, sin, activation)
     scale(life, setup, step)
 
     # Act.
@@ -122,23 +122,15 @@ def decide(
 
 
 def perceive(
-    life: Life,
-    setup: Setup,
-    space: Handles,
-    robots: Floats,
-    at: Pose,
-    cos: float,
-    sin: float,
-    step: int,
-    readings: Floats,
+    life: Life, setup: Setup, space: Handles, robots: Floats, at: Pose, cos: float, sin: float, readings: Floats
 ) -> None:
     """Fill the inputs of the network, as sensors and task give them: with noise and faults."""
     tally, noise = life.tally[0], life.senses.noise
     if setup.noise_level > 0.0:
-        draw_noise(life.key, step, noise)
+        draw_noise(life.key, tally.step, noise)
     goal = Goal(setup.goal_x, setup.goal_y, tally.goal_distance)
     sense(at.x, at.y, cos, sin, space, setup.lit, noise, setup.noise_level, life.senses, readings, goal, robots)
-    apply_sensor_faults(readings, setup.faults, life.past, step)
+    apply_sensor_faults(readings, setup.faults, life.past, tally.step)
     blind(readings, setup.faults.dead_sensors)
     reward_input(readings, tally.reward)
 
@@ -160,7 +152,7 @@ def look(life: Life, setup: Setup, space: Handles, readings: Floats) -> None:
     """Fill the inputs that the next step will have: its noise is numbered, so it is the same then."""
     tally, at = life.tally[0], pose(space)
     tally.goal_distance = to_goal(setup, at.x, at.y)
-    perceive(life, setup, space, NO_ROBOTS, at, math.cos(at.heading), math.sin(at.heading), tally.step, readings)
+    perceive(life, setup, space, NO_ROBOTS, at, math.cos(at.heading), math.sin(at.heading), readings)
 
 
 @compiled

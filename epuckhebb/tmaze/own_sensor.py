@@ -74,14 +74,11 @@ class Sensor(SensorGroup, OwnClass):
 
         parts = {"values": call_of(type(self).read, self.arguments("read"), _OF_READ, "around", by=by)}
         # The calls are written out, because the values of a tuple may be of several types.
-        value = "number(values{})" if self.count == 1 else "number(values[{}])"
-        puts = ", ".join(
-            f"put({k}, {value.format('' if self.count == 1 else k)}, around, scratch, readings)"
-            for k in range(self.count)
-        )
+        puts = ", ".join(f"put({k}, number(values[{k}]), around, scratch, readings)" for k in range(self.count))
         own = {"put": put, "number": number}
         parts["put_all"] = compiled(eval(f"lambda values, around, scratch, readings: ({puts},)", own))
-        call = "lambda around, rays, scratch, readings: put_all(values(around), around, scratch, readings)"
+        values = "(values(around),)" if self.count == 1 else "values(around)"
+        call = f"lambda around, rays, scratch, readings: put_all({values}, around, scratch, readings)"
         return Kernels(compiled(eval(call, parts)), nothing)
 
 

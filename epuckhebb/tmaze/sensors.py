@@ -91,6 +91,12 @@ class Surroundings(NamedTuple):
     robots: Floats
 
 
+Irradiance = Callable[[Floats, int, light.Lights], float]  # on sensor i, by its ray
+_in_plane: Irradiance = compiled(
+    lambda rays, i, lit: light.irradiance(rays[0, i], rays[1, i], rays[2, i], rays[3, i], lit)
+)
+
+
 class Kernels(NamedTuple):
     """The functions of a group of sensors in a step; first all groups look, then all read.
 
@@ -166,15 +172,15 @@ class LightSensors(RimSensors):
     short: ClassVar[str] = "ls"
     dead: ClassVar[float] = 1.0
 
-    def kernels(self, first: int, radius_m: float) -> Kernels:  # noqa: ARG002  # others need it
-        """See `SensorGroup`."""
+    def kernels(self, first: int, radius_m: float, irradiance: Irradiance = _in_plane) -> Kernels:  # noqa: ARG002
+        """See `SensorGroup`. irradiance: of the physics."""
         count = self.count
 
         @compiled
         def read(around: Surroundings, rays: Floats, scratch: Floats, readings: Floats) -> None:
             noise, noise_level = around.noise, around.noise_level
             for i in range(count):
-                dark = light.reading(light.irradiance(rays[0, i], rays[1, i], rays[2, i], rays[3, i], around.lit))
+                dark = light.reading(irradiance(rays, i, around.lit))
                 readings[first + i] = min(1.0, max(0.0, dark * (1.0 + noise_level * light.NOISE * noise[first + i])))
 
         return Kernels(read)

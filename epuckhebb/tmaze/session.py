@@ -10,7 +10,7 @@ import numpy as np
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.errors import explained
-from epuckhebb.controller.genotype import genotype_of
+from epuckhebb.controller.genotype import initial_state
 from epuckhebb.controller.own_class import OwnClass, PartError, own_of
 from epuckhebb.controller.plasticity.rule import bound_of
 from epuckhebb.tmaze import fitness
@@ -92,7 +92,7 @@ class Session:
                 "a rule with sign=shuffled needs Individual.signs, the signs of its updates: one for each of the "
                 f"{network.synapses} weights of network {network}, got {given}"
             )
-        genotype = genotype_of(
+        state = initial_state(
             who.genes,
             kind.plan,
             network,
@@ -103,20 +103,13 @@ class Session:
             gain_rad_s=self.lifetime.gain_rad_s,
             step_s=STEP_S,
         )
-        activation = np.zeros(network.neurons)
-        activation[network.bias] = 1.0
         return Life(
-            genotype=genotype,
+            **state,
             key=np.uint64(who.key),
             tally=INITIAL_BYTES.copy().view(TALLY),
-            weights=genotype.weights.copy(),
-            synapse_state=kind.synapse_state.copy(),
-            activation=activation,
-            recent=np.zeros((rule.average, network.neurons)),
             adaptation=who.controller.adaptation.initial_state(world.robot),
             trials=world.task.initial_trials(who.side, who.task_key),
             score=world.fitness.initial_state(),
-            neurons=genotype.neurons._replace(state=genotype.neurons.state.copy()),
             workspace=kind.workspace,
             senses=kind.senses,
             past=initial_past(world.robot),

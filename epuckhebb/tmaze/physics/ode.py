@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled
 from epuckhebb.controller.ranges import within
-from epuckhebb.tmaze import libode, light
+from epuckhebb.tmaze import libode
 from epuckhebb.tmaze.libode import (
     attach,
     collide,
@@ -32,10 +32,11 @@ from epuckhebb.tmaze.libode import (
     set_hinge,
     world_step,
 )
+from epuckhebb.tmaze.light import Lights
 from epuckhebb.tmaze.maze import Pose
 from epuckhebb.tmaze.physics_engine import Move, Physics, Space
 from epuckhebb.tmaze.robot import STEP_S, Robot, Solid
-from epuckhebb.tmaze.sensors import Kernels, LightSensors, SensorGroup, Surroundings
+from epuckhebb.tmaze.sensors import Kernels, LightSensors, SensorGroup
 
 _CONTACT = 31  # numbers in a record dContact; see libode's headers: mode, mu, ..., at 15 the geometry, at 23 its depth
 _MODE, _MU, _BOUNCE, _BOUNCE_SPEED, _ERP, _CFM, _GEOMETRY, _DEPTH = 0, 1, 6, 7, 8, 9, 15, 23
@@ -324,24 +325,21 @@ class Ode(Physics):
         """See `Physics`: light falls from above and from the floor, all else is as in the plane."""
         if not isinstance(group, LightSensors):
             return group.kernels(first, radius_m)
-        count, lamp_height, sun_up = group.count, self.lamp_m, self.sun_up
+        lamp_height, sun_up = self.lamp_m, self.sun_up
 
-        @compiled  # other groups need the scratch
-        def read(around: Surroundings, rays: Floats, scratch: Floats, readings: Floats) -> None:  # noqa: ARG001
-            lit, noise = around.lit, around.noise
-            for i in range(count):
-                bright = 1.0 + lit.sun * max(0.0, rays[7, i] * lit.sun_x + rays[8, i] * lit.sun_y + rays[9, i] * sun_up)
-                if lit.second_intensity > 0.0:
-                    bright += lit.second_intensity * lamp(
-                        rays, i, lit.second_x, lit.second_y, lamp_height, 0.0, 0.0, -1.0
-                    )
-                if lit.lamp_intensity > 0.0:
-                    towards = lit.lamp_towards_x, lit.lamp_towards_y, lit.cos_beam
-                    bright += lit.lamp_intensity * lamp(rays, i, lit.lamp_x, lit.lamp_y, lamp_height, *towards)
-                noisy = light.reading(bright) * (1.0 + around.noise_level * light.NOISE * noise[first + i])
-                readings[first + i] = min(1.0, max(0.0, noisy))
+        @compiled
+        def irradiance(rays: Floats, i: int, lit: Lights) -> float:
+            bright: float = 1.0 + lit.sun * max(
+                0.0, rays[7, i] * lit.sun_x + rays[8, i] * lit.sun_y + rays[9, i] * sun_up
+            )
+            if lit.second_intensity > 0.0:
+                bright += lit.second_intensity * lamp(rays, i, lit.second_x, lit.second_y, lamp_height, 0.0, 0.0, -1.0)
+            if lit.lamp_intensity > 0.0:
+                towards = lit.lamp_towards_x, lit.lamp_towards_y, lit.cos_beam
+                bright += lit.lamp_intensity * lamp(rays, i, lit.lamp_x, lit.lamp_y, lamp_height, *towards)
+            return bright
 
-        return Kernels(read)
+        return group.kernels(first, radius_m, irradiance)
 
     def record_tilt(self) -> Callable[..., None]:
         """See `Physics`."""
