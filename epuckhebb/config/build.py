@@ -195,5 +195,5 @@ def network_for(world: Scenario, shape: Shape) -> Network:
             own = "" if isinstance(error, ValueError) else f"wiring {shape.name}: {type(error).__name__}: "
             raise ConfigError(f"{own}{error}") from error
     network = Network((world.inputs, *HIDDEN, OUTPUTS) if shape is None else shape, world.task.gives_reward)
-    check_inputs(network, world.robot, world.task)
+    check_inputs(network, world)
     return network
