@@ -118,7 +118,7 @@ def catalogue(command: str, config_dir: str | None) -> Iterator[None]:
 
 def changes(folder: Path | None) -> dict[str, dict[str, Any]]:
     """The changes of the world by name: the rows of `conf/changes.yaml`, and the files of the user's."""
-    own = {file.stem: yaml_file.load(file) for file in _files(folder, "change")} if folder else {}
+    own = {file.stem: yaml_file.load(file) for file in sorted(folder.glob("change/*.yaml"))} if folder else {}
     return {**conf.table("change"), **own}
 
 
@@ -131,8 +131,8 @@ def _store(command: str, folder: Path | None) -> None:
     if folder is None and _stored == [store]:
         return
     groups = {file.parent.name for file in data_folder("conf").glob("*/*.yaml")} | {*conf.TABLES, "hydra/launcher"}
-    files = {group: list(_files(folder, group)) for group in groups} if folder else {}
-    for file in itertools.chain(_files(folder, "."), *files.values()) if folder else ():
+    files = {group: sorted(folder.glob(f"{group}/*.yaml")) for group in groups} if folder else {}
+    for file in itertools.chain(folder.glob("*.yaml"), *files.values()) if folder else ():
         yaml_file.check_aliases(file)
     for group in conf.TABLES.keys() - {"method", "change"}:
         store.repo[group] = {}
@@ -146,11 +146,6 @@ def _store(command: str, folder: Path | None) -> None:
         node = {"defaults": [*overrides, "_self_"], "scenario": scenario, "change": {name: None}}
         store.store(name, node, "change", "_global_")
     _stored[:] = [store] if folder is None else []
-
-
-def _files(folder: Path, group: str) -> Iterator[Path]:
-    """The files of a group in the user's folder."""
-    yield from sorted((folder / group).glob("*.yaml"))
 
 
 def _check_chosen(overrides: list[str], folder: Path) -> None:

@@ -267,9 +267,4 @@ def value_as_declared(key: str, value: Any, command: str) -> Any:
     return keys[key]
 
 
-@functools.cache
-def _keys_of(schema: Any) -> DictConfig:
-    """The keys of a command with their types, made once: every job of a sweep has them."""
-    keys = OmegaConf.structured(schema)
-    assert isinstance(keys, DictConfig)
-    return keys
+_keys_of = functools.cache(OmegaConf.structured)  # the keys of a schema with their types; each job of a sweep has them

@@ -78,11 +78,9 @@ def converted(where: str, value: object, kind: Any) -> Any:
 
 def _is_finite(value: object) -> bool:
     """Whether a value, and all in it, is no infinite number."""
-    return (
-        all(map(_is_finite, value))
-        if isinstance(value, tuple)
-        else not isinstance(value, float) or math.isfinite(value)
-    )
+    if isinstance(value, tuple):
+        return all(map(_is_finite, value))
+    return not isinstance(value, float) or math.isfinite(value)
 
 
 def literal(value: Any) -> Any:
