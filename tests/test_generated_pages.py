@@ -40,7 +40,7 @@ def test_every_column_is_described():
     assert described_columns("reversal_trials.csv") == list(evaluate.TRIALS)
     assert described_columns("reversal.csv") == list(reversal.COLUMNS)
     one = np.zeros(1)
-    last = {"champion": one, "champion_fitness": 0.0, "log": (), "tables": {}, "robot_steps": 0, "seconds": 0.0}
+    last = {"champion": one, "champion_fitness": 0.0, "log": (), "tables": {}, "robot_steps": 0}
     history = history_row(Generation(number=0, fitness=one, success=one, again=(0.0, 0.0), **last))
     assert described_columns("history.csv") == list(history)
     lifetime = pd.DataFrame([dict.fromkeys([*evaluate.COLUMNS, "rewarded_share"], "1")])

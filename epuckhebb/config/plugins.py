@@ -157,7 +157,8 @@ def load(file: Path, key: str) -> OwnFile:
     except (Exception, SystemExit) as error:  # a file may even leave Python
         _unload(own.package)
         why = f"{type(error).__name__}: {error}".replace(f"{own.package}.", "")
-        raise ConfigError(f"{key}: {own_place(error) or path} cannot be imported: {why}") from error
+        where = f"{place}," if (place := own_place(error)) else path
+        raise ConfigError(f"{key}: {where} cannot be imported: {why}") from error
     _loaded[path] = own
     return own
 
