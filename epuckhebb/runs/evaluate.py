@@ -36,8 +36,18 @@ from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, Rule, e
 from epuckhebb.controller.wiring import Wiring
 from epuckhebb.runs import hydra
 from epuckhebb.runs.notes import notes_of
-from epuckhebb.runtime import ConfigError, data_folder, saying_if_slow
-from epuckhebb.store import Genome, RunFolder, as_npz, check_wiring, digest, load_genome, traces_arrays
+from epuckhebb.runtime import LATEST, ConfigError, data_folder, saying_if_slow
+from epuckhebb.store import (
+    Genome,
+    RunFolder,
+    as_npz,
+    below_runs,
+    check_wiring,
+    digest,
+    load_genome,
+    resolve_run,
+    traces_arrays,
+)
 from epuckhebb.tmaze.batch import load_kernel
 from epuckhebb.tmaze.individual import GA_ALONE, Controller
 from epuckhebb.tmaze.own_sensor import reading_names
@@ -241,7 +251,10 @@ def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:
     A robot that has no file, a wiring of the user's own, and champions of several are left to `prepare_evaluation`.
     """
     named = [word for word in words if word.startswith("genome=")]
-    if not named or any(word.startswith("environment=") for word in words):
+    if environment := [value_of(word) for word in words if word.startswith("environment=")]:
+        is_given = named or environment[-1] == "tmaze"
+        return words if is_given else [*words, f"genome={quoted(str(_latest_in(environment[-1])))}"]
+    if not named:
         return words
     environments = {str(settings["environment"]["name"]) for settings in map(_environment_of, named[-1:]) if settings}
     if environments:
@@ -264,6 +277,14 @@ def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:
         return words
     own = {f"network.{key}": value for key, value in json.loads(settings).items() if f"network.{key}" not in keys}
     return [*words, f"network.wiring={wiring}", *typed_as(own)]
+
+
+def _latest_in(environment: str) -> Path:
+    """The newest evolution in an environment; a ConfigError if there is none."""
+    runs = [path for path in below_runs() if path.parts[1] == "evolve"]
+    own = [(path, environment_of_run(str(path)).get("environment", {})) for path in runs]
+    ours = [path for path, its in own if environment == its.get("name") or str(its.get("id")).endswith(environment)]
+    return ours[-1] if ours else resolve_run(LATEST, "evolve")
 
 
 def _environment_of(word: str) -> dict[str, Any]:
