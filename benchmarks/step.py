@@ -13,7 +13,7 @@ from statistics import median
 
 import numpy as np
 
-from epuckhebb.config.parts import part_class, part_names
+from epuckhebb.config.parts import KINDS, part_class
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import PAPER_NETWORK
 from epuckhebb.controller.plasticity.rule import InitialWeights, Rule
@@ -87,7 +87,9 @@ def measure() -> list[tuple[str, str]]:
     """A step of each engine, measured in turn; CPU time, medians, and the median of the ratios pair by pair."""
     block, without = individuals(50), individuals(50, GA_ALONE)
     others = {
-        name: individuals(50, by(part_class("rule", name, "hebbian"))) for name in part_names("rule") if name != "paper"
+        name: individuals(50, by(part_class("rule", name, "hebbian")))
+        for name in KINDS["rule"].names
+        if name != "paper"
     }
 
     for robots in (block, without, *others.values()):

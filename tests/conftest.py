@@ -13,7 +13,7 @@ import reference
 from hypothesis import settings
 from omegaconf import OmegaConf
 
-from epuckhebb.config.parts_from_yaml import robot_from
+from epuckhebb.config.build import robot_from
 from epuckhebb.controller.network import PAPER_NETWORK, Network, by_layer
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.studies.study import study_named

@@ -9,10 +9,10 @@ from cases import call, done, first_of
 
 from epuckhebb.adaptation.nominal import measure_nominal
 from epuckhebb.analysis.rescue import FIGURE
+from epuckhebb.config import training_world
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvaluateConfig, typed
 from epuckhebb.controller.network import PAPER_NETWORK
-from epuckhebb.runs.evaluate import training_world
 from epuckhebb.store.genome import load_genome
 from epuckhebb.tmaze.individual import GA
 from epuckhebb.tmaze.scenario import TRAINED

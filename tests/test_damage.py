@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from cases import done, refused
 
-from epuckhebb.cli.output import json_text
+from epuckhebb.cli.console import json_text
 from epuckhebb.controller.plasticity.rule import Rule
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze.individual import Controller

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import epuckhebb
-from epuckhebb.config.parts import part_names
+from epuckhebb.config.parts import KINDS
 from epuckhebb.runtime.resources import data_folder
 
 PACKAGE = Path(epuckhebb.__file__).parent
@@ -48,7 +48,7 @@ def test_no_imports_run_in_a_circle():
 
 @pytest.mark.parametrize("kind", FOLDERS)
 def test_a_part_is_one_file_that_no_other_has_to_know(kind):
-    ends = tuple(f".{FOLDERS[kind]}.{name}" for name in set(part_names(kind)) - DEFAULTS)
+    ends = tuple(f".{FOLDERS[kind]}.{name}" for name in set(KINDS[kind].names) - DEFAULTS)
     assert ends
     assert [(module, name) for module, names in GRAPH.items() for name in names if name.endswith(ends)] == []
 

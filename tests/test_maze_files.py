@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from omegaconf import OmegaConf
 
-from epuckhebb.config.parts_from_yaml import maze_from
+from epuckhebb.config.build import maze_from
 from epuckhebb.controller.network import PAPER_NETWORK
 from epuckhebb.tmaze.batch import run_lifetimes
 from epuckhebb.tmaze.individual import Individual

@@ -9,13 +9,13 @@ import pandas as pd
 import pytest
 from cases import done
 
+from epuckhebb.config import training_world
 from epuckhebb.config.compose import load
 from epuckhebb.config.schema import EvaluateConfig
 from epuckhebb.export.replay import page_of, recording
 from epuckhebb.gym import TMaze
 from epuckhebb.live.world import LiveWorld
 from epuckhebb.runs import prepare_evaluation, repeat
-from epuckhebb.runs.evaluate import training_world
 from epuckhebb.runs.notes import notes_of
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.store import Run

@@ -8,7 +8,7 @@ from cases import call, done, refused
 
 import epuckhebb
 from epuckhebb.config.build import optimizer_from
-from epuckhebb.config.parts import part_names
+from epuckhebb.config.parts import KINDS
 from epuckhebb.controller.genome import GenomePlan, Part
 from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.optimizers.ga import GA
@@ -49,7 +49,7 @@ def generations(search, count):
 
 
 def test_every_optimizer_of_the_program_is_tested_here():
-    assert part_names("optimizer") == sorted(SMALL)
+    assert KINDS["optimizer"].names == sorted(SMALL)
 
 
 @pytest.mark.parametrize("name", SMALL)

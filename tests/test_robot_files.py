@@ -9,7 +9,7 @@ import pytest
 from cases import first_of
 from omegaconf import OmegaConf
 
-from epuckhebb.config.parts_from_yaml import robot_from
+from epuckhebb.config.build import robot_from
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import HIDDEN, Network
 from epuckhebb.controller.plasticity.rule import NoRule

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from cases import call, done
 
-from epuckhebb.cli import results
+from epuckhebb.cli import show
 from epuckhebb.cli.console import Terminal
 from epuckhebb.studies.sweep import Sweep
 from epuckhebb.tmaze.maze import SIDES
@@ -103,7 +103,7 @@ def test_controllers_that_have_the_same_rate_have_rows_of_their_own(tmp_path, ca
     summary = pd.DataFrame(rows, columns=["genome", "controller", "N", "side"])
     success = {"n": 3, "success": 1.0, "success_noise_low": 0.4, "success_noise_high": 1.0}
     summary.assign(**success).to_csv(tmp_path / "summary.csv", index=False)
-    results.print_study(Sweep, tmp_path, Terminal())
+    show.print_study(Sweep, tmp_path, Terminal())
     assert re.findall("GA|stay|late", capsys.readouterr().out) == ["GA", "stay", "late"]
 
 

@@ -65,8 +65,7 @@ def test_synapses_in_blocks_are_bit_identical_to_one_by_one(monkeypatch, wiring)
     weights, seen = rng.uniform(-2, 2, network.synapses), rng.uniform(-1, 1, network.neurons)
     results, rooms = [], []
     for most in (1000, 0):
-        monkeypatch.setattr("epuckhebb.controller.forward_pass.MOST_BLOCKS", most)
-        monkeypatch.setattr(update, "MOST_BLOCKS", most)
+        monkeypatch.setattr("epuckhebb.controller.compiling.kernel.MOST_CALLS", most)
         genes = {name: np.full(size, 0.3) for name, size in wiring.parameter_sizes().items()}
         neurons, activation = wiring.initial(genes, 4.0, 0.032), seen.copy()
         neurons = neurons._replace(state=neurons.state.view(np.recarray))

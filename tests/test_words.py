@@ -15,7 +15,7 @@ import epuckhebb
 from epuckhebb.analysis import report
 from epuckhebb.analysis.figures import plain as in_figures
 from epuckhebb.analysis.tables import Table, code, plain
-from epuckhebb.cli.output import report_errors
+from epuckhebb.cli.console import report_errors
 from epuckhebb.config import overrides
 from epuckhebb.config.overrides import literal
 from epuckhebb.runtime.errors import USAGE

@@ -1,15 +1,15 @@
 """Declares the commands of `epuckhebb`. Each imports what is heavy when it is called, so help comes at once."""
 
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from epuckhebb import __version__
 from epuckhebb.cli import completion
-from epuckhebb.cli.call import print_runs, run_command, run_study
-from epuckhebb.cli.console import print_line
+from epuckhebb.cli.console import print_error, print_line
 from epuckhebb.cli.options import (
     Command,
     ConfigDir,
@@ -26,11 +26,10 @@ from epuckhebb.cli.options import (
     with_experiment,
     with_genomes_named,
 )
-from epuckhebb.cli.output import print_error
-from epuckhebb.runtime import JOB_FAILED, ConfigError
+from epuckhebb.runtime import JOB_FAILED, ConfigError, JobFailedError
 
 if TYPE_CHECKING:
-    from epuckhebb.config import EvolveConfig
+    from epuckhebb.studies.study import Planned
 
 app = typer.Typer(
     name="epuckhebb",
@@ -40,6 +39,73 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+def run_command(
+    command: str, job: Callable[..., None], prepare: Callable[..., Any], words: list[str], options: RunOptions
+) -> None:
+    """Let Hydra run a command, and print the results."""
+    from epuckhebb.config import check_words, for_hydra
+    from epuckhebb.runs import hydra
+
+    multirun, config_dir = options.multirun, options.config_dir
+    if multirun and options.cfg:
+        raise ConfigError("--cfg shows the configuration of one job: leave out --multirun, and give each key one value")
+    flags = [*(["--multirun"] if multirun else []), *(["--cfg", options.cfg] if options.cfg else [])]
+    name, words = for_hydra(command, words)
+    check_words(name, words, several=multirun)
+    if not options.cfg:
+        hydra.check(name, words, config_dir, prepare, multirun=multirun)
+    runs = hydra.run(name, job, [*words, *flags], config_dir)
+    if multirun and command == "evaluate" and runs:
+        from epuckhebb.studies.sweep import write_summary_of_multirun
+
+        write_summary_of_multirun(runs[0].parent, runs)
+    if multirun and command == "evolve" and runs:
+        from epuckhebb.studies.evolutions import write_summary_of_evolutions
+
+        write_summary_of_evolutions(runs[0].parent, runs)
+    if not options.cfg:
+        print_runs(command, runs, options)
+
+
+def print_runs(command: str, runs: list[Path], output: Output) -> None:
+    """Print the results of the runs of one call."""
+    from epuckhebb.cli import show
+
+    output.print(
+        lambda: {"command": command, "runs": list(map(show.as_json, runs))},
+        lambda console: show.print_finished(runs, console),
+    )
+
+
+def run_study(planned: "Planned", output: Output, *, dry_run: bool = False) -> None:
+    """Run a study and print its results; with `dry_run` list its jobs."""
+    from epuckhebb.cli import show
+    from epuckhebb.studies.jobs import todo
+    from epuckhebb.studies.study import conduct
+
+    folder = planned.folder
+    if dry_run:
+        missing = {job.run for job in todo(folder, planned.jobs)}
+        listed = [
+            {
+                "run": job.run,
+                "done": job.run not in missing,
+                "overrides": job.overrides,
+                "what": job.purpose or " ".join(job.overrides),
+            }
+            for job in planned.jobs
+        ]
+        jobs = {"command": planned.study.command, "folder": str(folder), "jobs": listed}
+        output.print(lambda: jobs, lambda console: show.print_jobs(jobs, console))
+        return
+    outcome = conduct(planned)
+    facts = {"command": planned.study.command, "folder": str(folder), **outcome.as_json()}
+    kind = type(planned.study)
+    output.print(lambda: show.as_json(folder) | facts, lambda console: show.print_results(folder, console, kind))
+    if outcome.failures:
+        raise JobFailedError(planned.failure(outcome))
 
 
 @app.command(cls=Command)
@@ -55,10 +121,7 @@ def evolve(overrides: Overrides = None, *, options: RunOptions) -> None:
         print_runs("evolve", [resume(words)], options)
         return
 
-    def check(config: "EvolveConfig") -> None:
-        prepare_evolution(config).compile()
-
-    run_command("evolve", evolve_job, check, words, options)
+    run_command("evolve", evolve_job, lambda config: prepare_evolution(config).compile(), words, options)
 
 
 @app.command(cls=Command)

@@ -1,15 +1,29 @@
-"""Where the program prints: standard output and standard error, whatever they can show."""
+"""Where and how the program prints: texts, tables and JSON, and errors as one message and an exit code."""
 
+import json
+import sys
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
 
+import typer
 from rich import box
 from rich.cells import cell_len
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from epuckhebb.runtime import discard
+from epuckhebb.runtime import (
+    INTERRUPTED,
+    JOB_FAILED,
+    USAGE,
+    ConfigError,
+    JobFailedError,
+    discard,
+    interrupted,
+    interruptible,
+)
 
 _GAP = 2  # characters between the columns of a table
 _LEAST = 10  # characters that a column of text needs
@@ -73,3 +87,46 @@ def print_table(
     if title:
         print_text(console, Text(title, style="bold"))
     console.print(table)
+
+
+def print_error(message: str) -> None:
+    """Print an error message on standard error."""
+    console = Terminal(stderr=True)
+    console.print("Error: ", style="bold red", end="")
+    console.print(message, markup=False, soft_wrap=True)
+
+
+@contextmanager
+def report_errors() -> Iterator[None]:
+    """Turn errors into one message and an exit code."""
+    message, code = "", USAGE
+    try:
+        with interruptible():
+            yield
+    except ConfigError as error:
+        message = str(error)
+    except KeyboardInterrupt as interruption:
+        message, code = interrupted(str(interruption)), INTERRUPTED
+    except JobFailedError as error:
+        message, code = f"a job failed: {error}", JOB_FAILED
+    except (Exception, SystemExit) as error:  # a user's own part may raise anything, and even leave Python
+        from epuckhebb.config import own_place  # it takes a while to load
+
+        if place := own_place(error):
+            message = f"{place}: {type(error).__name__}: {error}"
+        elif isinstance(error, BrokenPipeError):  # nobody reads what we say, and what we do is done
+            discard(sys.stdout)
+        elif isinstance(error, OSError):
+            message = f"{error.filename}: {error.strerror}" if error.filename else str(error)
+        elif isinstance(error, MemoryError):
+            message = f"there is not enough memory for this: {error}"
+        else:
+            raise
+    if message:
+        print_error(message)
+        raise typer.Exit(code)
+
+
+def json_text(values: Any) -> str:
+    """The text of JSON values; numbers that JSON does not have, nan and infinite ones, are null."""
+    return json.dumps(json.loads(json.dumps(values), parse_constant=lambda _: None), allow_nan=False)

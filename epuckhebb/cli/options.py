@@ -15,8 +15,7 @@ from rich.console import Console
 from typer.core import TyperCommand
 
 from epuckhebb.cli import completion
-from epuckhebb.cli.console import Terminal
-from epuckhebb.cli.output import json_text, report_errors
+from epuckhebb.cli.console import Terminal, json_text, report_errors
 from epuckhebb.runtime import LATEST, REFERENCE, be_quiet
 
 _FROM_TO = re.compile(rf"({REFERENCE}_|\b)(\d+),\.\.\.,\1(\d+)")

@@ -12,7 +12,6 @@ from epuckhebb.config.build import (
     network_for,
     with_controls,
 )
-from epuckhebb.config.changed import world_name
 from epuckhebb.config.compose import configurations, load, load_any, swept_values
 from epuckhebb.config.environments import EnvironmentConfig, EvaluateEnvironment, EvolveEnvironment, environment_of_run
 from epuckhebb.config.errors import explain
@@ -21,7 +20,7 @@ from epuckhebb.config.overrides import (
     SWEEP_DIR,
     alternatives,
     check_words,
-    configuration_of,
+    for_hydra,
     overrides_of,
     quoted,
     readable,
@@ -29,19 +28,19 @@ from epuckhebb.config.overrides import (
     value_of,
     value_text,
     values_of,
-    with_environment,
-    with_names_compared,
 )
-from epuckhebb.config.parts import KINDS, NONE, PAPER, part_class, part_from, part_names
+from epuckhebb.config.parts import KINDS, NONE, PAPER, part_class, part_from
 from epuckhebb.config.plugins import (
     OWN_CODE,
     OwnFile,
     class_named,
     own_files,
+    own_place,
     own_references,
     own_sources,
+    with_own_copies,
 )
-from epuckhebb.config.resolve import training_world, usual_physics
+from epuckhebb.config.resolve import training_world, world_name
 from epuckhebb.config.schema import (
     MOST_THREADS,
     SCHEMAS,
@@ -51,10 +50,10 @@ from epuckhebb.config.schema import (
     EvolveConfig,
     Plain,
     dump,
+    from_values,
     register,
     schema_of,
     typed,
 )
-from epuckhebb.config.stored import from_values, with_own_copies
 from epuckhebb.config.values import part_settings
 from epuckhebb.config.yaml_file import load as settings

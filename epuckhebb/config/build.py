@@ -3,31 +3,48 @@
 import math
 from collections.abc import Mapping
 from dataclasses import fields, replace
-from typing import Any
+from typing import Any, NamedTuple, get_type_hints
 
 from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.config import hand
 from epuckhebb.config.parts import GENETIC, NONE, PAPER, part_class, part_from
-from epuckhebb.config.parts_from_yaml import maze_from, robot_from
-from epuckhebb.config.values import converted, part_settings
+from epuckhebb.config.values import converted, part_settings, record
 from epuckhebb.controller.network import HIDDEN, Network
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.plasticity.rule import NO_RULE, NoRule, Reward, Rule, receives_reward
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.controller.wiring import Wiring
 from epuckhebb.evolution.optimizer import Algorithm
-from epuckhebb.runtime import ConfigError
+from epuckhebb.runtime import ConfigError, refusing
 from epuckhebb.tmaze.individual import CONTROLS, GA, Controller
-from epuckhebb.tmaze.maze import Place, Pose, Side
+from epuckhebb.tmaze.maze import Maze, Place, Pose, Side
 from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
-from epuckhebb.tmaze.robot import OUTPUTS
+from epuckhebb.tmaze.robot import OUTPUTS, Robot
 from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.sensors import DistanceSensors, LightSensors
 from epuckhebb.tmaze.simulator import check_inputs
 from epuckhebb.tmaze.task import Task
 from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
 
 Shape = tuple[int, ...] | Wiring | None  # of a network: its layers, a wiring, or nothing said
+_LAMP = "lamp"  # a maze file may say where its lamp is; the scenario takes it from there
+_OWN = "sensors"  # key of a robot's file: the user's own sensors
+_OF_DISTANCE = {  # key of a robot's file -> field of its distance sensors
+    "distance_places": "places",
+    "distance_curve": "curve",
+    "stretch": "stretch",
+    "reach_m": "reach_m",
+    "full_scale": "full_scale",
+}
+
+
+class _Start(NamedTuple):
+    """Where the robot starts, as a file has it."""
+
+    x: float
+    y: float
+    heading_deg: float
 
 
 def rule_from(settings: Mapping[str, Any], key: str) -> Rule:
@@ -53,11 +70,6 @@ def optimizer_from(settings: Mapping[str, Any], ga: Algorithm | None) -> Algorit
     return part_from("optimizer", settings, "optimizer") if ga is None else ga
 
 
-def controller_from(hebbian: Mapping[str, Any], adaptation: Adaptation, key: str = "hebbian") -> Controller:
-    """The controller of a run: its rule and its adaptation, by the paper's name if the rule is the paper's."""
-    return controller_of(rule_from(hebbian, key), adaptation, hebbian.get("name") or "")
-
-
 def with_signal(adaptation: Adaptation, key: str = "adaptation") -> Adaptation:
     """An adaptation whose signal of change is a class if it is the user's, FILE.py:NAME."""
     if ":" not in str(adaptation.change_signal):
@@ -65,14 +77,14 @@ def with_signal(adaptation: Adaptation, key: str = "adaptation") -> Adaptation:
     return replace(adaptation, change_signal=part_class("change signal", adaptation.change_signal, key))
 
 
-def controller_of(rule: Rule, adaptation: Adaptation, called: str = "") -> Controller:
+def controller_of(rule: Rule, adaptation: Adaptation, called: str | None = None) -> Controller:
     """The controller of a rule and an adaptation. called: the name of the rule; its class unless given."""
     control = "" if rule.sign is Sign.hebbian else f" ({rule.sign.name})"
     if adaptation.acts:
         name = f"{adaptation.name}{control}"
     elif isinstance(rule, NoRule):
         name = GA
-    elif called in (PAPER, "") and isinstance(rule, Paper):
+    elif called in (PAPER, "", None) and isinstance(rule, Paper):
         name = CONTROLS[rule.sign]
     else:
         name = f"{called or type(rule).__name__.lower()}{control}"
@@ -85,20 +97,14 @@ def compared(name: str, settings: Any, paper_rate: float) -> Controller:
     They may have `adaptation`, a mapping with the keys of the group (its name has been looked up before).
     """
     key = f"compare.{name}"
-    own = dict(converted(key, settings, dict[str, Any]))
-    over = own.pop("adaptation", None) or {}
-    over = part_settings(Adaptation, over, f"{key}.adaptation", "an adaptation", change_signal=str)
-    rule_settings = {"rule": PAPER, **own}
-    if rule_settings["rule"] != NONE:
-        rule_settings.setdefault("N", paper_rate)
-    try:
-        return Controller(
-            name=name,
-            rule=rule_from(rule_settings, key),
-            adaptation=with_signal(Adaptation(**{**over, "name": name}), f"{key}.adaptation") if over else Adaptation(),
-        )
-    except (ValueError, TypeError) as error:
-        raise error if isinstance(error, ConfigError) else ConfigError(f"{key}: {error}") from error
+    own = {"rule": PAPER, **converted(key, settings, dict[str, Any])}
+    given, place = own.pop("adaptation", None) or {}, f"{key}.adaptation"
+    given = part_settings(Adaptation, given, place, "an adaptation", change_signal=str)
+    if own["rule"] != NONE:
+        own.setdefault("N", paper_rate)
+    with refusing(lambda error: f"{key}: {error}", (ValueError, TypeError)):
+        adaptation = with_signal(Adaptation(**{**given, "name": name}), place) if given else Adaptation()
+        return Controller(name=name, rule=rule_from(own, key), adaptation=adaptation)
 
 
 def with_controls(controller: Controller, task: Task) -> list[Controller]:
@@ -112,6 +118,33 @@ def with_controls(controller: Controller, task: Task) -> list[Controller]:
         return [controller]
     rule = replace(controller.rule, reward=Reward.inverted)
     return [controller, replace(controller, name=f"{controller.name} (reward inverted)", rule=rule)]
+
+
+def maze_from(value: object) -> Maze:
+    """A maze: boxes and goals by name, `start.heading_deg` in degrees, bounds of arms infinite if they are left out."""
+    given = {key: item for key, item in value.items() if key != _LAMP} if isinstance(value, Mapping) else value
+    values = part_settings(Maze, given, "maze", "a maze", start=_Start)
+    x, y, heading_deg = values.pop("start")
+    return Maze(**values, start=Pose(x, y, math.radians(heading_deg)))
+
+
+def robot_from(value: object) -> Robot:
+    """A robot, which needs all keys; places are lists of x, y [m], azimuth [degrees], points of the curve lists too.
+
+    `sensors` may be left out: the user's own, each `sensor: FILE.py:NAME` with its settings.
+    """
+    distance = get_type_hints(DistanceSensors)
+    kinds = {name: kind for name, kind in get_type_hints(Robot).items() if name != "sensors"}
+    kinds["light_places"] = get_type_hints(LightSensors)["places"]
+    kinds |= {key: distance[field] for key, field in _OF_DISTANCE.items()}
+    kinds[_OWN] = list[Any]
+    values = {"solid": None, _OWN: [], **record("robot", value, kinds, {_OWN: [], "solid": None}, "a robot")}
+    own = values.pop(_OWN)
+    light = LightSensors(places=values.pop("light_places"))
+    felt = DistanceSensors(**{field: values.pop(key) for key, field in _OF_DISTANCE.items()})
+    keys = [f"robot.{_OWN}[{number}]" for number in range(len(own))]
+    more = [part_from("sensor", converted(key, one, dict[str, Any]), key) for key, one in zip(keys, own, strict=True)]
+    return Robot(**values, sensors=(light, felt, *more))
 
 
 def scenario_from(
@@ -149,10 +182,8 @@ def scenario_from(
 
 def check_library(world: Scenario) -> None:
     """Refuse a physics whose library is not installed."""
-    try:
+    with refusing():
         world.physics.check_library()
-    except ValueError as error:
-        raise ConfigError(str(error)) from error
 
 
 def network_for(world: Scenario, shape: Shape) -> Network:
@@ -164,5 +195,5 @@ def network_for(world: Scenario, shape: Shape) -> Network:
             own = "" if isinstance(error, ValueError) else f"wiring {shape.name}: {type(error).__name__}: "
             raise ConfigError(f"{own}{error}") from error
     network = Network((world.inputs, *HIDDEN, OUTPUTS) if shape is None else shape, world.task.gives_reward)
-    check_inputs(network, world.robot, world.task)
+    check_inputs(network, world)
     return network

@@ -17,11 +17,11 @@ from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.plugins import Plugins
 from hydra.plugins.search_path_plugin import SearchPathPlugin
-from omegaconf import DictConfig, OmegaConf, flag_override
+from omegaconf import DictConfig, OmegaConf
 
 from epuckhebb.config import yaml_file
 from epuckhebb.config.errors import explain
-from epuckhebb.config.overrides import with_environment, with_names_compared
+from epuckhebb.config.overrides import check_words, for_hydra
 from epuckhebb.config.schema import SCHEMAS, structured
 from epuckhebb.runtime import ConfigError, conf, data_folder
 
@@ -46,16 +46,31 @@ class _SearchPath(SearchPathPlugin):
 
 
 class Composed(NamedTuple):
-    """A configuration as Hydra composes it, what Hydra keeps for itself, and the choice of each group."""
+    """A configuration as Hydra composes it, what Hydra keeps for itself, and the choice of each group.
 
+    command, words: what it is composed of, as of `for_hydra`.
+    """
+
+    command: str
+    words: tuple[str, ...]
     cfg: DictConfig
     hydra: DictConfig
     choices: dict[str, str]
 
 
-def by_hydra(command: str, overrides: list[str], config_dir: str | None) -> Composed:
-    """A configuration as Hydra composes it."""
-    overrides = with_environment(map(with_names_compared, overrides))
+def by_hydra(command: str, overrides: list[str], config_dir: str | None = None) -> Composed:
+    """A configuration as Hydra composes it, which may be changed; one without files of the user's is composed once."""
+    name, words = for_hydra(command, overrides)
+    if name in SCHEMAS:
+        check_words(name, words)
+    if config_dir is not None:
+        return _composed(name, tuple(words), config_dir)
+    found = _composed_once(name, tuple(words), None)
+    return found._replace(cfg=found.cfg.copy())
+
+
+def _composed(command: str, words: tuple[str, ...], config_dir: str | None) -> Composed:
+    overrides = list(words)
     try:
         with catalogue(command, config_dir), initialize_config_dir(str(data_folder("conf")), version_base=VERSION_BASE):
             cfg = compose(command, overrides, return_hydra_config=True)
@@ -64,20 +79,16 @@ def by_hydra(command: str, overrides: list[str], config_dir: str | None) -> Comp
     except Exception as error:  # what damaged files may raise has no end
         if config_dir is not None:
             _check_chosen(overrides, Path(config_dir))
-        words = f"{' '.join(overrides)}: " if overrides else ""
-        raise ConfigError(f"{words}{explain(error)}") from error
-    with flag_override(cfg, ["struct", "readonly"], [False, False]):
-        hydra = cfg.pop("hydra")
+        raise ConfigError(f"{' '.join(words)}{': ' if words else ''}{explain(error)}") from error
+    OmegaConf.set_struct(cfg, False)
+    hydra = cfg.pop("hydra")
     choices = choices_of(hydra.runtime)
     for group, choice in {".": command, **choices}.items() if config_dir else ():
         yaml_file.check_meaning(Path(str(config_dir), group, f"{choice}.yaml"))
-    return Composed(cfg, hydra, choices)
+    return Composed(command, words, cfg, hydra, choices)
 
 
-@functools.lru_cache(maxsize=256)
-def of_program(command: str, *overrides: str) -> Composed:
-    """A configuration as Hydra composes it without files of the user's, not to be changed."""
-    return by_hydra(command, list(overrides), None)
+_composed_once = functools.lru_cache(maxsize=32)(_composed)
 
 
 def choices_of(runtime: Any) -> dict[str, str]:
@@ -107,7 +118,7 @@ def catalogue(command: str, config_dir: str | None) -> Iterator[None]:
 
 def changes(folder: Path | None) -> dict[str, dict[str, Any]]:
     """The changes of the world by name: the rows of `conf/changes.yaml`, and the files of the user's."""
-    own = {file.stem: yaml_file.load(file) for file in _files(folder, "change")} if folder else {}
+    own = {file.stem: yaml_file.load(file) for file in sorted(folder.glob("change/*.yaml"))} if folder else {}
     return {**conf.table("change"), **own}
 
 
@@ -120,8 +131,8 @@ def _store(command: str, folder: Path | None) -> None:
     if folder is None and _stored == [store]:
         return
     groups = {file.parent.name for file in data_folder("conf").glob("*/*.yaml")} | {*conf.TABLES, "hydra/launcher"}
-    files = {group: list(_files(folder, group)) for group in groups} if folder else {}
-    for file in itertools.chain(_files(folder, "."), *files.values()) if folder else ():
+    files = {group: sorted(folder.glob(f"{group}/*.yaml")) for group in groups} if folder else {}
+    for file in itertools.chain(folder.glob("*.yaml"), *files.values()) if folder else ():
         yaml_file.check_aliases(file)
     for group in conf.TABLES.keys() - {"method", "change"}:
         store.repo[group] = {}
@@ -135,11 +146,6 @@ def _store(command: str, folder: Path | None) -> None:
         node = {"defaults": [*overrides, "_self_"], "scenario": scenario, "change": {name: None}}
         store.store(name, node, "change", "_global_")
     _stored[:] = [store] if folder is None else []
-
-
-def _files(folder: Path, group: str) -> Iterator[Path]:
-    """The files of a group in the user's folder."""
-    yield from sorted((folder / group).glob("*.yaml"))
 
 
 def _check_chosen(overrides: list[str], folder: Path) -> None:

@@ -6,14 +6,11 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config.catalogue import Composed, by_hydra
-from epuckhebb.config.errors import explain
-from epuckhebb.config.overrides import OF_ENVIRONMENT, check_words, configuration_of, parsed, with_environment
+from epuckhebb.config.overrides import OF_ENVIRONMENT, values_of
 from epuckhebb.config.resolve import resolve
-from epuckhebb.config.schema import SCHEMAS, Config, Plain, plain, typed
-from epuckhebb.config.stored import value_as_declared
+from epuckhebb.config.schema import SCHEMAS, Config, Plain, plain, typed, value_as_declared
 from epuckhebb.runtime import ConfigError
 
 _ALONE = ("genome", "seed", "repeats", "threads")  # keys on which nothing else in a configuration depends, unless:
@@ -22,15 +19,16 @@ _REFERENCE = re.compile(rf"\$\{{[^}}]*\b({'|'.join(_ALONE)})\b")
 
 def load(schema: type[Config], overrides: list[str], config_dir: str | None = None) -> Config:
     """The checked configuration of a command, that of the schema: `conf/`, the user's folder and overrides as typed."""
-    if configuration_of(schema.command, overrides) != schema.command:
+    config = load_any(schema.command, overrides, config_dir)
+    if not isinstance(config, schema):
         raise ConfigError(f"{' '.join(overrides)}: environments are for `epuckhebb evolve`, `evaluate` and `sweep`")
-    return typed(composed(schema.command, overrides, config_dir), schema)
+    return config
 
 
 def load_any(command: str, overrides: list[str], config_dir: str | None = None) -> Any:
     """The same of `evolve` or `evaluate`, in the maze or in an environment."""
-    name = configuration_of(command, overrides)
-    return typed(composed(name, overrides, config_dir), SCHEMAS[name])
+    found = composed_with_hydra(command, overrides, config_dir)
+    return typed(found.cfg, SCHEMAS[found.command])
 
 
 def composed(command: str, overrides: list[str], config_dir: str | None = None) -> DictConfig:
@@ -40,18 +38,14 @@ def composed(command: str, overrides: list[str], config_dir: str | None = None) 
 
 def composed_with_hydra(command: str, overrides: list[str], config_dir: str | None) -> Composed:
     """The same, with what Hydra keeps for itself."""
-    overrides = with_environment(overrides)
-    check_words(command, overrides)
     found = by_hydra(command, overrides, config_dir)
-    resolve(command, found.cfg, found.choices, overrides, config_dir)
+    resolve(found.command, found.cfg, found.choices, found.words, config_dir)
     return found
 
 
 def swept_values(overrides: list[str], config_dir: str | None = None) -> dict[str, str]:
     """For each key the values that a named sweep of `evaluate` gives it; empty if the overrides name none."""
-    name, overrides = configuration_of("evaluate", overrides), with_environment(overrides)
-    check_words(name, overrides)
-    params = by_hydra(name, overrides, config_dir).hydra.sweeper.params
+    params = by_hydra("evaluate", overrides, config_dir).hydra.sweeper.params
     return {str(key): str(values) for key, values in (params or {}).items()}
 
 
@@ -73,12 +67,8 @@ def configurations(
     @functools.cache
     def alone_as_declared(override: str) -> Plain:
         """A key and its value, of the type that the schema declares."""
-        (word,) = parsed([override])
-        key = word.key_or_group
-        try:
-            return {key: value_as_declared(key, word.value(), command)}
-        except OmegaConfBaseException as error:
-            raise ConfigError(explain(error)) from error
+        ((key, value),) = values_of([override]).items()
+        return {key: value_as_declared(key, value, command)}
 
     # In an environment, rule and network are those of the genome's evolution.
     keys = [key for key in _ALONE if key != "genome" or OF_ENVIRONMENT not in command]

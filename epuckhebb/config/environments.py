@@ -12,10 +12,11 @@ from typing import Any, ClassVar, NamedTuple
 from omegaconf import DictConfig, OmegaConf
 
 from epuckhebb.config import build, yaml_file
-from epuckhebb.config.overrides import ANY, OF_ENVIRONMENT, literal, parsed, value_text
+from epuckhebb.config.overrides import ANY, OF_ENVIRONMENT, parsed, value_text
 from epuckhebb.config.parts import NONE, Layers, part_from
 from epuckhebb.config.plugins import class_named, load
 from epuckhebb.config.schema import Checked, Figures, register
+from epuckhebb.config.values import literal
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.plasticity.rule import NoRule, Rule
@@ -24,7 +25,7 @@ from epuckhebb.controller.wiring import LAYERS, Wiring
 from epuckhebb.evolution.evolve import evolved_plan
 from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.evolution.training import UNVARIED
-from epuckhebb.runtime import ConfigError, conf, did_you_mean, path_of
+from epuckhebb.runtime import ConfigError, conf, did_you_mean, path_of, refusing
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.worlds.changes import AT, FUNCTION
 from epuckhebb.worlds.environment import Environment, World
@@ -80,11 +81,10 @@ class EnvironmentConfig(Checked):
         def text(key: str, value: Any) -> str:
             return str(value).rpartition(":")[2] if key == FUNCTION else f"{key}={value_text(value, key)}"
 
-        changes = (
-            (" ".join(text(*item) for item in one.items() if item[0] != AT), one[AT])
+        return ", ".join(
+            f"{' '.join(text(*item) for item in one.items() if item[0] != AT)} at {one[AT]}"
             for one in self.environment.changes
         )
-        return ", ".join(f"{what} at {step}" for what, step in changes)
 
     @property
     def controllers(self) -> list[Tested]:
@@ -133,41 +133,31 @@ class EvaluateEnvironment(EnvironmentConfig):
 
 def world_of(settings: Environment) -> World:
     """The world of settings; it is checked where it is used first."""
-    make = functools.partial(_make_own if ".py:" in settings.id else _make, settings)
+    make = functools.partial(_make, settings)
     functions = {change[FUNCTION]: _function(change[FUNCTION]) for change in settings.changes if FUNCTION in change}
     own = settings.id.rpartition(":")[2] if settings.name == ANY else settings.name
     return World(settings=replace(settings, name=own), make=make, functions=functions)
 
 
 def _make(settings: Environment, **more: Any) -> Any:
-    """An environment of Gymnasium; a ConfigError if there is none, or a library is missing."""
-    try:
+    """An environment of Gymnasium, or of a class of the user's; a ConfigError if it cannot be made."""
+    with refusing(lambda _: f"environment={settings.name} needs Gymnasium: {_INSTALL}", ImportError):
         import gymnasium
-    except ImportError as error:
-        raise ConfigError(f"environment={settings.name} needs Gymnasium: {_INSTALL}") from error
-    try:
+    options, missing = {**settings.options, **more}, (ImportError, gymnasium.error.DependencyNotInstalled)
+
+    def reason(error: Exception) -> str:  # of a user's code, or of a library that is missing
+        hint = f"; environments of MuJoCo: {_INSTALL}" if isinstance(error, missing) else ""
+        return f"environment.id={settings.id}: {type(error).__name__}: {error}{hint}"
+
+    with refusing(reason, Exception):
+        if ".py:" in settings.id:
+            kind: Any = class_named(settings.id, gymnasium.Env, "environment.id")
+            return kind(**options)
         if "mujoco" in str(gymnasium.spec(settings.id).entry_point):
             import mujoco
 
             mujoco.set_mju_user_warning(lambda _: None)  # else each environment prints one, and writes a file here
-        return gymnasium.make(
-            settings.id, max_episode_steps=settings.horizon, disable_env_checker=True, **{**settings.options, **more}
-        )
-    except (gymnasium.error.DependencyNotInstalled, ImportError) as error:
-        raise ConfigError(f"environment.id={settings.id}: {error}; environments of MuJoCo: {_INSTALL}") from error
-    except (gymnasium.error.Error, TypeError) as error:
-        raise ConfigError(f"environment.id={settings.id}: {error}") from error
-
-
-def _make_own(settings: Environment, **more: Any) -> Any:
-    """An environment of a class of the user's."""
-    import gymnasium
-
-    kind: Any = class_named(settings.id, gymnasium.Env, "environment.id")
-    try:
-        return kind(**{**settings.options, **more})
-    except Exception as error:  # of a user's code
-        raise ConfigError(f"environment.id={settings.id}: {type(error).__name__}: {error}") from error
+        return gymnasium.make(settings.id, max_episode_steps=settings.horizon, disable_env_checker=True, **options)
 
 
 def _function(text: Any) -> Callable[[Any], None]:
@@ -214,12 +204,10 @@ def complete(cfg: DictConfig, choices: Mapping[str, str], overrides: Sequence[st
     if "genome" in cfg and not before and not is_typed("environment"):
         raise ConfigError(f"genome={cfg.genome} is of no evolution in an environment; give environment=NAME")
     is_same = bool(before) and before["environment"]["name"] == environment.name
-    for group in ("environment", "network", "hebbian"):
-        if (group == "environment" and not is_same) or (f"{group}" in words and group != "environment"):
-            continue
-        for key, value in (before.get(group) or {}).items():
+    for group in before.keys() & ({"network", "hebbian"} - set(words) | ({"environment"} if is_same else set())):
+        for key, value in before[group].items():
             if not is_typed(f"{group}.{key}") and key not in ("change", "changes", "processes"):
-                cfg[group][key] = _literal(value)
+                cfg[group][key] = literal(value)
     if "repeats" in cfg and not is_typed("environment.horizon"):
         environment.horizon *= 2
     if OmegaConf.is_missing(environment, "id"):
@@ -260,7 +248,3 @@ def _fit_rule(cfg: DictConfig, choice: str, is_typed: Callable[[str], bool]) -> 
     rule.name = rule.get("name") or (choice if choice != NONE else str(rule.rule).rpartition(":")[2].lower())
     if cfg.network.get("wiring") == "ctrnn" and not is_typed("network.tau_gain_rad_s"):
         cfg.network.tau_gain_rad_s = 0.0
-
-
-def _literal(value: Any) -> Any:
-    return literal(value) if isinstance(value, str) else value

@@ -20,6 +20,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.adaptation.adaptation import NONE, Adaptation
 from epuckhebb.config.schema import OPEN, SCHEMAS
+from epuckhebb.config.values import literal
 from epuckhebb.controller.own_class import OwnClass
 from epuckhebb.runtime import ConfigError, conf, data_folder, did_you_mean
 
@@ -28,7 +29,11 @@ _FORCED_DIR = re.compile(rf"^\+\+(?={RUN_DIR}|{SWEEP_DIR})")
 _PLAIN = re.compile(r"[A-Za-z0-9_./:%@+-]+")  # what needs no quotes as the value of an override
 _BELOW = tuple(f"{key}." for key in OPEN)  # the schema does not know what keys there are
 OF_ENVIRONMENT = "_environment"  # ends the names of the configurations that are not of the maze
-_ENVIRONMENT, _MAZE, ANY = "environment=", "tmaze", "gym"  # ANY: the row of environments without one of their own
+_ENVIRONMENT, _MAZE, ANY = (
+    "environment=",
+    "environment=tmaze",
+    "gym",
+)  # ANY: the row of environments without one of their own
 _MOST_JOBS = 100_000  # of one call
 
 
@@ -115,11 +120,6 @@ def values_of(words: Iterable[str]) -> dict[str, Any]:
     return {word.key_or_group: word.value() for word in parsed(words)}
 
 
-def literal(text: str) -> str:
-    """A text as a configuration has to be given it, so that a `${...}` in it, of a folder's name, means nothing."""
-    return re.sub(r"(\\*)\$\{", lambda found: f"{2 * found[1]}\\${{", text)
-
-
 def quoted(text: str) -> str:
     """A text as the value of an override that means just this text."""
     if _PLAIN.fullmatch(text):
@@ -153,43 +153,34 @@ def alternatives(overrides: list[str]) -> dict[str, list[str]]:
     return found
 
 
-def configuration_of(command: str, words: Sequence[str]) -> str:
-    """The name of the configuration that these overrides are of: that of the maze, or that of environments."""
-    named = [word for word in words if word.startswith(_ENVIRONMENT)]
-    if command not in ("evolve", "evaluate") or not (named or _experiment_has_one(words)):
-        return command
-    values = [value_of(word) for word in next(iter(alternatives(named[-1:]).values()))] if named else []
-    if _MAZE in values and len(set(values)) > 1:
-        raise ConfigError(f"{named[-1]}: {_MAZE} has keys of its own; give it in a call of its own")
-    return command if _MAZE in values else f"{command}{OF_ENVIRONMENT}"
+def for_hydra(command: str, words: Iterable[str]) -> tuple[str, list[str]]:
+    """The name of the configuration of these overrides, which is another in an environment, and what Hydra is given.
 
-
-def _experiment_has_one(words: Sequence[str]) -> bool:
-    names = [value_of(word) for word in words if word.startswith("experiment=")]
-    file = data_folder("conf") / "experiment" / f"{names[-1]}.yaml" if names else Path()
-    return file.is_file() and "override /environment:" in file.read_text(encoding="utf-8")
-
-
-def with_environment(words: Iterable[str]) -> list[str]:
-    """Overrides as Hydra has them: `environment=FILE.py:NAME` is an id, and `change` a key of an environment."""
+    `environment=FILE.py:NAME` is an id, `change` is a key of an environment there, and a list below `compare` a mapping
+    of names that have no settings, as the schema has it.
+    """
     words, result = list(words), list[str]()
-    is_maze = not any(word.startswith(_ENVIRONMENT) and word != f"{_ENVIRONMENT}{_MAZE}" for word in words)
+    named = [word for word in words if word.startswith(_ENVIRONMENT)][-1:]
+    worlds = set(alternatives(named).get("environment", ()))
+    if _MAZE in worlds and len(worlds) > 1:
+        raise ConfigError(f"{named[0]}: {_MAZE} has keys of its own; give it in a call of its own")
+    experiments = [value_of(word) for word in words if word.startswith("experiment=")]
+    file = data_folder("conf") / "experiment" / f"{experiments[-1]}.yaml" if experiments else Path()
+    if not named and file.is_file() and "override /environment:" in file.read_text(encoding="utf-8"):
+        worlds.add("")
+    if command in ("evolve", "evaluate") and worlds - {_MAZE}:
+        command += OF_ENVIRONMENT
     for word in words:
-        if word.startswith("change=") and not is_maze:
+        names = parsed([word])[0].value() if word.startswith("compare=[") else None
+        if isinstance(names, list):
+            result.append(f"compare={{{','.join(f'{quoted(str(name))}: null' for name in names)}}}")
+        elif word.startswith("change=") and command.endswith(OF_ENVIRONMENT):
             result.append(f"environment.{word}")
         elif word.startswith(_ENVIRONMENT) and ".py:" in word:
             result += [f"{_ENVIRONMENT}{ANY}", f"environment.id={word.removeprefix(_ENVIRONMENT)}"]
-        elif word != f"{_ENVIRONMENT}{_MAZE}":
+        elif word != _MAZE:
             result.append(word)
-    return result
-
-
-def with_names_compared(argument: str) -> str:
-    """An override in which a list below `compare` is a mapping of names that have no settings, as the schema has it."""
-    names = parsed([argument])[0].value() if argument.startswith("compare=[") else None
-    if not isinstance(names, list):
-        return argument
-    return f"compare={{{','.join(f'{quoted(str(name))}: null' for name in names)}}}"
+    return command, result
 
 
 def overrides_of(overrides: Sequence[Any], keys: Mapping[str, Any]) -> list[str]:

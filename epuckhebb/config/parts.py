@@ -22,7 +22,7 @@ from epuckhebb.evolution import optimizers
 from epuckhebb.evolution.optimizer import Optimizer
 from epuckhebb.flock import couplings
 from epuckhebb.flock.coupling import Coupling
-from epuckhebb.runtime import ConfigError
+from epuckhebb.runtime import ConfigError, refusing
 from epuckhebb.tmaze import physics, tasks
 from epuckhebb.tmaze.fitness import Signal
 from epuckhebb.tmaze.own_fitness import Fitness
@@ -84,20 +84,13 @@ KINDS = {
 PART_GROUPS = ("compare", *(kind.group.partition(".")[0] for kind in KINDS.values()))
 
 
-def part_names(kind: str) -> list[str]:
-    """The parts of a kind, one of `KINDS`, that the program has."""
-    return KINDS[kind].names
-
-
 def part_class(kind: str, name: Any, key: str) -> Any:
     """The class of a part by its name. key: what stands before the name in the configuration, for messages."""
     row, key = KINDS[kind], f"{key}.{KINDS[kind].key}"
     if ":" in str(name):
         part: Any = class_named(name, row.base, key)
-        try:
+        with refusing(lambda error: f"{key}={name}: {error}"):
             part.check_class()
-        except ValueError as error:
-            raise ConfigError(f"{key}={name}: {error}") from error
         return part
     if name not in row.names:
         names = [
@@ -121,8 +114,6 @@ def part_from(kind: str, settings: Mapping[str, Any], key: str) -> Any:
     values = part_settings(part, own, key, f"{kind} {name}", **more)
     try:
         return part(**values)
-    except KeyboardInterrupt:
-        raise
-    except BaseException as error:  # a user's own checks may even leave Python
+    except (Exception, SystemExit) as error:  # a user's own checks may even leave Python
         message = str(error).replace("hebbian.", f"{key}.", 1)
         raise ConfigError(message if key in message else f"{key}.{which}={name}: {message}") from error

@@ -5,6 +5,7 @@ helpers of one name, and neither gets the other's.
 """
 
 import builtins
+import copy
 import hashlib
 import importlib
 import importlib.util
@@ -76,10 +77,6 @@ class OwnFile:
         beside = {str(self.path.parent / place): source for place, source in self.sources.items()}
         return {path: _sha256(source) for path, source in {**beside, **self.elsewhere}.items()}
 
-    def place_of(self, file: Path) -> str:
-        """The place of a file below the folder of this one."""
-        return file.relative_to(self.path.parent).as_posix()
-
     @property
     def is_unchanged(self) -> bool:
         """Whether all files are as they were loaded."""
@@ -111,7 +108,19 @@ def own_files(config: Any) -> dict[Path, OwnFile]:
 def own_sources(config: Any) -> dict[str, str]:
     """The SHA-256, by path, of all the user's files that results of a configuration depend on."""
     own = {path: sha256 for own in own_files(config).values() for path, sha256 in own.sha256.items()}
-    return own | hand.source(config)
+    by_hand = (config.get("scenario") or {}).get("hand")
+    return own if by_hand is None else {**own, str(by_hand): _sha256(hand.content(by_hand))}
+
+
+def with_own_copies(values: dict[str, Any], run: Path, own_code: Mapping[str, Any]) -> dict[str, Any]:
+    """Plain values of a run with its own copies in place of the user's files. own_code: of its provenance."""
+    values = copy.deepcopy(values)
+    for part, key, file, name in own_references(values):
+        part[key] = f"{(run / own_code[str(file)]['copy']).absolute()}:{name}"
+    scenario = values.get("scenario")
+    if isinstance(scenario, dict) and scenario.get("hand") is not None:
+        scenario["hand"] = str((run / hand.NAME).absolute())
+    return values
 
 
 def class_named(text: str, base: type[Base], key: str) -> type[Base]:
@@ -145,12 +154,10 @@ def load(file: Path, key: str) -> OwnFile:
         for name, module in list(sys.modules.items()):
             if name.startswith(f"{own.package}."):
                 own.elsewhere.update(sources_elsewhere(module))
-    except KeyboardInterrupt:
-        raise
-    except BaseException as error:  # a file may even leave Python
+    except (Exception, SystemExit) as error:  # a file may even leave Python
         _unload(own.package)
         why = f"{type(error).__name__}: {error}".replace(f"{own.package}.", "")
-        raise ConfigError(f"{key}: {_where(error, own)} cannot be imported: {why}") from error
+        raise ConfigError(f"{key}: {own_place(error) or path} cannot be imported: {why}") from error
     _loaded[path] = own
     return own
 
@@ -160,12 +167,13 @@ def _unload(package: str) -> None:
         del sys.modules[name]
 
 
-def _where(error: BaseException, own: OwnFile) -> str:
-    """The user's file and the line in which an error arose."""
+def own_place(error: BaseException) -> str:
+    """The file of a user's and its line in which an error arose; "" if it arose elsewhere."""
     if isinstance(error, SyntaxError) and error.filename and error.lineno:
-        return f"{error.filename}, line {error.lineno},"
-    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename in own.sha256]
-    return f"{frames[-1].filename}, line {frames[-1].lineno}," if frames else str(own.path)
+        return f"{error.filename}, line {error.lineno}"
+    places = list(traceback.walk_tb(error.__traceback__))
+    own = [place for place in places if str(place[0].f_globals.get("__name__")).startswith(OWN_PACKAGE)]
+    return f"{own[-1][0].f_code.co_filename}, line {own[-1][1]}" if own else ""
 
 
 class _Finder(MetaPathFinder):
@@ -185,7 +193,7 @@ class _Finder(MetaPathFinder):
         found = importlib.util.spec_from_file_location(name, own.path) if is_named else PathFinder.find_spec(name, path)
         if found is not None and found.has_location:
             file = Path(str(found.origin))
-            own.sources[own.place_of(file)] = file.read_bytes()
+            own.sources[file.relative_to(own.path.parent).as_posix()] = file.read_bytes()
             if isinstance(found.loader, SourceFileLoader):
                 found.loader = _Loader(name, str(file))
         return found
@@ -197,7 +205,7 @@ class _Loader(SourceFileLoader):
     def get_code(self, fullname: str) -> CodeType:
         """The code of the file as it is now; a compiled copy may be older."""
         own = _packages[fullname.partition(".")[0]]
-        self.content = own.sources[own.place_of(Path(self.path))]  # by which kernels are named
+        self.content = own.sources[Path(self.path).relative_to(own.path.parent).as_posix()]  # it names kernels
         code: CodeType = self.source_to_code(self.content, self.path)
         return code
 

@@ -1,53 +1,58 @@
 """Completes a composed configuration: names, changes of the world, own files, and `changed`.
 
-A choice of a group is known by the name of its file or row, so that need not say `name:`. A configuration that has all
-names is left as it is.
+`changed` is what differs from the named world, as tables, folders and pages show it: the difference to a configuration
+that is composed of nothing but the choices that name the world. A choice of a group is known by the name of its file or
+row, so that need not say `name:`. A configuration that has all names is left as it is.
 """
 
-import functools
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from omegaconf import DictConfig, ListConfig, OmegaConf, flag_override
+from omegaconf import DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from epuckhebb.config import environments, yaml_file
+from epuckhebb.config import environments, hand, yaml_file
 from epuckhebb.config.build import scenario_from
-from epuckhebb.config.catalogue import BROUGHT, NULL, by_hydra, changes, of_program
-from epuckhebb.config.changed import differences, find_own_files, usual_world
+from epuckhebb.config.catalogue import BROUGHT, NULL, by_hydra, changes
 from epuckhebb.config.errors import explain
-from epuckhebb.config.overrides import literal
-from epuckhebb.config.parts import KINDS, NONE, PAPER, part_class, part_from
+from epuckhebb.config.overrides import parsed
+from epuckhebb.config.parts import KINDS, NONE, PAPER, PART_GROUPS, part_class, part_from
+from epuckhebb.config.plugins import own_references
 from epuckhebb.config.schema import WorldConfig, plain
+from epuckhebb.config.values import literal
 from epuckhebb.controller.wiring import LAYERS
-from epuckhebb.runtime import ConfigError, conf, data_folder, path_of
+from epuckhebb.runtime import ConfigError, conf, data_folder, path_of, refusing
 from epuckhebb.tmaze.individual import HEBBIAN
-from epuckhebb.tmaze.physics_engine import Physics
+from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.scenario import TRAINED, Scenario
 
 _NAMED = ("maze", "robot", "scenario", "hebbian", "training")  # groups whose settings have a name
 _OF_ANY_NUMBER = ("change", "experiment", "ga")  # groups of which no choice need be made, or several can
 _OF_GA = re.compile(r"[+~]*ga[.=]")  # an override of the genetic algorithm
+_PARTS = ("maze", "robot", "task", "fitness", "physics")  # groups whose choice `changed` names
+_SHOWN = ("scenario", "lifetime", "network", *_PARTS)  # groups whose values `changed` names
+_USUAL = ("training", "hebbian")  # more groups whose choice is as it is in what a configuration is compared with
+_COMPARED = (*_SHOWN, "training", "change", "experiment")  # keys and groups that can make a difference
+_RECORDING = "lifetime.record_every"  # changes nothing in a lifetime
+_LONGEST = 80  # characters of a world in the name of a folder
 
 
 def resolve(
     command: str, cfg: DictConfig, choices: Mapping[str, str], overrides: Sequence[str], config_dir: str | None
 ) -> None:
     """Complete a configuration as Hydra composed it; it is changed. choices: of each group."""
-    with flag_override(cfg, ["struct", "readonly"], [False, False]):
-        try:
-            if "environment" in cfg:  # first, since rows of rules refer to the maze
-                environments.complete(cfg, choices, overrides)
-            find_own_files(cfg)
-            if "environment" in cfg:
-                _complete_classes(cfg)
-            elif "scenario" in cfg and cfg.get("changed") is None:
-                _resolve(command, cfg, dict(choices), overrides, config_dir)
-        except OmegaConfBaseException as error:
-            raise ConfigError(explain(error)) from error
+    OmegaConf.set_struct(cfg, False)
+    with refusing(explain, OmegaConfBaseException):
+        if "environment" in cfg:  # first, since rows of rules refer to the maze
+            environments.complete(cfg, choices, overrides)
+        find_own_files(cfg)
+        if "environment" in cfg:
+            _complete_classes(cfg)
+        elif "scenario" in cfg and cfg.get("changed") is None:
+            _resolve(command, cfg, dict(choices), overrides, config_dir)
 
 
 def _resolve(
@@ -93,7 +98,7 @@ def _make_changes(cfg: DictConfig, choices: dict[str, str], config_dir: str | No
         cfg.change[name] = {group: str(row[group]) for group in BROUGHT if group in row}
         physics = cfg.change[name].get("physics", choices["physics"])
         if choices["physics"] != physics:  # that a sweep trains with
-            cfg.physics, choices["physics"] = yaml_file.load(_physics_file(physics)), physics
+            cfg.physics, choices["physics"] = _physics(physics), physics
 
 
 def _compared(name: str, given: Any, config_dir: str | None) -> tuple[str, Any]:
@@ -115,8 +120,7 @@ def _compared(name: str, given: Any, config_dir: str | None) -> tuple[str, Any]:
 
 def _named(word: str, config_dir: str | None) -> dict[str, Any]:
     """The settings of a rule and of an adaptation that one choice brings, references unresolved."""
-    found = by_hydra("compared", [word], config_dir) if config_dir else of_program("compared", word)
-    values: Any = OmegaConf.to_container(found.cfg)
+    values: Any = OmegaConf.to_container(by_hydra("compared", [word], config_dir).cfg)
     return dict(values)
 
 
@@ -132,14 +136,13 @@ def _complete_classes(cfg: DictConfig) -> None:
 
 
 def _complete_parts(cfg: DictConfig) -> None:
-    """Write down where changes by hand are, what sensors of the user's read, and what was left as it is in classes."""
+    """Write down where changes by hand are, and what was left as it is in classes."""
     _complete_classes(cfg)
     sensors = cfg.robot.get("sensors")
     for number, settings in enumerate(sensors if isinstance(sensors, ListConfig) else ()):
         key = f"robot.sensors[{number}]"
         if not isinstance(settings, DictConfig) or ":" not in str(settings.get("sensor")):
             raise ConfigError(f"{key} must be {{sensor: FILE.py:NAME}} and its settings, got {settings}")
-        settings.setdefault("readings", list(part_class("sensor", settings.sensor, key).readings))
         _write_defaults(settings, "sensor", settings.sensor, key)
     if cfg.scenario.get("hand") is not None:
         cfg.scenario.hand = literal(str(path_of(cfg.scenario.hand, "scenario.hand").absolute()))
@@ -175,12 +178,17 @@ def _fit_rule(cfg: DictConfig, choice: str, chosen: DictConfig) -> None:
         cfg.hebbian.name = kind.__name__.lower()
 
 
-def training_world(config: WorldConfig, experiment: str, physics: Physics) -> Scenario:
-    """The world in which controllers of an experiment are evolved, for the robot and in the maze of a configuration.
+def training_world(config: WorldConfig, evolved_in: str = "") -> Scenario:
+    """The world in which controllers of this experiment are evolved, for the robot and in the maze of a configuration.
 
-    If a change brought that maze, training is in the usual one. physics: of their evolution.
+    If a change brought that maze, training is in the usual one. evolved_in: the name of the physics of their evolution,
+    which may be another than that of the configuration; "" for that of the plane.
     """
-    cfg = of_program("evaluate", f"scenario={TRAINED[experiment]}").cfg.copy()
+    experiment, name = config.world.experiment, evolved_in or PYMUNK.name
+    physics = part_from("physics", config.physics, "physics")
+    if physics.name != name:
+        physics = part_from("physics", _physics(name), "physics")
+    cfg = by_hydra("evaluate", [f"scenario={TRAINED[experiment]}"]).cfg
     cfg.scenario.name = TRAINED[experiment]
     if config.maze.get("name") not in [change.get("maze") for change in config.change.values()]:
         cfg.maze = config.maze
@@ -188,16 +196,97 @@ def training_world(config: WorldConfig, experiment: str, physics: Physics) -> Sc
     return replace(world, physics=physics)
 
 
-@functools.cache
-def usual_physics(name: str) -> Physics:
-    """The physics of this name with the settings of its file."""
-    physics: Physics = part_from("physics", yaml_file.load(_physics_file(name)), "physics")
-    return physics
+def _physics(name: str) -> dict[str, Any]:
+    """The settings of a physics of the program's."""
+    known = conf.groups("evaluate")["physics"]
+    if name not in known:
+        raise ConfigError(f"physics must be one of {', '.join(known)}, got {name}")
+    return yaml_file.load(data_folder("conf") / "physics" / f"{name}.yaml")
 
 
-def _physics_file(name: str) -> Path:
-    """The file of a physics of the program's."""
-    file = data_folder("conf") / "physics" / f"{name}.yaml"
-    if not file.is_file():
-        raise ConfigError(f"physics must be one of {', '.join(conf.groups('evaluate')['physics'])}, got {name}")
-    return file
+class UsualWorld(NamedTuple):
+    """A configuration of nothing but the choices that name the world. differ: groups of parts with another choice."""
+
+    cfg: DictConfig
+    differ: list[str]
+
+
+def usual_world(
+    command: str, choices: Mapping[str, str], overrides: Sequence[str], config_dir: str | None
+) -> UsualWorld | None:
+    """What the choices that name the world are without anything else; None if nothing that counts differs from it.
+
+    The program's own choices are taken if there are such, so that a file of the user's that replaces one differs.
+    """
+    words = [(str(word.key_or_group), word) for word in parsed(overrides)]
+    naming = [word for key, word in words if key in ("scenario", "change") and not isinstance(word.value(), dict)]
+    others = [key for key, word in words if word not in naming and key != _RECORDING]
+    if config_dir is None and not any(key.partition(".")[0] in _COMPARED or key == "hebbian.rule" for key in others):
+        return None
+    changes_named = [str(word.input_line) for word in naming if word.key_or_group == "change"]
+
+    def usual(folder: str | None) -> UsualWorld:
+        named = [f"scenario='{choices['scenario']}'", *changes_named]
+        found = by_hydra(command, named, folder)
+        differ = [group for group in (*_PARTS, *_USUAL) if choices.get(group) != found.choices.get(group)]
+        if differ:
+            found = by_hydra(command, [*named, *(f"{group}='{choices[group]}'" for group in differ)], folder)
+        find_own_files(found.cfg)
+        return UsualWorld(found.cfg, [group for group in differ if group in _PARTS])
+
+    try:
+        return usual(None)
+    except ConfigError:  # a choice of the user's
+        return usual(config_dir)
+
+
+def differences(cfg: DictConfig, choices: Mapping[str, str], usual: UsualWorld) -> Iterator[str]:
+    """What differs from the named world, as overrides. What follows from another value is not repeated."""
+    yield from (f"{group}={choices[group]}" for group in usual.differ)
+    mine, its = _values(cfg, resolve=True), _values(usual.cfg, resolve=True)
+    if (wiring := mine["network.wiring"]) != LAYERS:
+        its |= {f"network.{field.name}": field.default for field in fields(part_class("wiring", wiring, "network"))}
+    raw, its_raw = _values(cfg, resolve=False), _values(usual.cfg, resolve=False)
+    for key, value in mine.items():
+        is_same = value == its.get(key, "null") or (key in its_raw and raw.get(key) == its_raw[key])
+        if is_same or key in (_RECORDING, "scenario.name"):
+            continue
+        shown = key.removeprefix("scenario.")
+        if shown == "hand":
+            yield f"{len(hand.read(value))} changes by hand"
+        elif shown == "changes":
+            for change in filter(lambda one: isinstance(one, Mapping), value):
+                settings = " ".join(f"{name}={_text(new)}" for name, new in dict(change).items() if name != "at_s")
+                yield f"{settings} at {_text(dict(change).get('at_s'))} s"
+        else:
+            yield f"{shown}={_text(value)}"
+
+
+def _values(cfg: DictConfig, *, resolve: bool) -> dict[str, Any]:
+    """The values that `changed` can name, by their dotted keys."""
+    groups = (group for group in _SHOWN if group in cfg)
+    return dict(conf.flat({one: OmegaConf.to_container(cfg[one], resolve=resolve, enum_to_str=True) for one in groups}))
+
+
+def _text(value: object) -> str:
+    """A value as `changed` has it, without spaces after commas; of a user's own class its name."""
+    if isinstance(value, Mapping):
+        return "{" + " ".join(f"{key}:{_text(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, list):
+        return f"[{','.join(map(_text, value))}]"
+    if isinstance(value, str) and ".py:" in value:
+        return value.rpartition(":")[2]
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def world_name(scenario: str, changed: str | None) -> str:
+    """A world as part of the name of a folder: the scenario, and what differs from it."""
+    parts = [scenario, *(changed.split(", ") if changed else [])]
+    return "+".join(re.sub(r"[^\w.]+", "-", part) for part in parts)[:_LONGEST].rstrip("+-")
+
+
+def find_own_files(cfg: DictConfig) -> None:
+    """Write down where the user's files are."""
+    groups = (group for group in (*PART_GROUPS, "environment") if group in cfg)
+    for part, key, path, name in list(own_references({group: cfg[group] for group in groups})):
+        part[key] = literal(f"{path.absolute()}:{name}")

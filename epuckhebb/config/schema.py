@@ -8,7 +8,7 @@ that a user can bring (a rule, a maze, a robot) are open here, and checked when 
 import functools
 from dataclasses import MISSING, Field, dataclass, field, fields, make_dataclass
 from enum import Enum
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
 
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -17,6 +17,7 @@ from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.config import build
 from epuckhebb.config.errors import explain
 from epuckhebb.config.parts import Layers, part_from
+from epuckhebb.config.values import literal
 from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule
 from epuckhebb.controller.ranges import check, within
 from epuckhebb.controller.wiring import LAYERS, Wiring
@@ -24,7 +25,7 @@ from epuckhebb.evolution.evolve import evolved_plan
 from epuckhebb.evolution.optimizer import Algorithm
 from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.evolution.training import Training
-from epuckhebb.runtime import ConfigError
+from epuckhebb.runtime import refusing
 from epuckhebb.tmaze.individual import GA_ALONE
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
@@ -54,10 +55,8 @@ class Checked:
 
 def plain(cfg: DictConfig) -> Plain:
     """A composed configuration as plain values, every reference resolved; a ConfigError if one leads nowhere."""
-    try:
+    with refusing(explain, OmegaConfBaseException):
         values = OmegaConf.to_container(cfg, resolve=True, enum_to_str=True)
-    except OmegaConfBaseException as error:
-        raise ConfigError(explain(error)) from error
     assert isinstance(values, dict)
     return {str(key): value for key, value in values.items()}
 
@@ -108,6 +107,7 @@ class WorldConfig(Checked):
 
     change: the changes of the world by name, each with the maze and the physics that it brings. world: the scenario,
     with its maze and robot. shape: of the network; None if it was left open. wiring: the network's, if it has one.
+    rule: of plasticity.
     """
 
     parallel: ClassVar[str] = "threads"  # the key that says how much runs at a time
@@ -136,6 +136,7 @@ class WorldConfig(Checked):
         if self.shape is not None:
             build.network_for(self.world, self.shape)
         self.world.check_lifetime(self.lifetime)
+        self.rule = build.rule_from(self.hebbian, "hebbian")
 
 
 @dataclass(kw_only=True)
@@ -156,7 +157,7 @@ class EvaluateConfig(WorldConfig):
         """Validate the settings."""
         super().__post_init__()
         self.adaptation = build.with_signal(self.adaptation)
-        main = build.controller_from(self.hebbian, self.adaptation)
+        main = build.controller_of(self.rule, self.adaptation, self.hebbian.get("name"))
         given = build.with_controls(main, self.world.task)
         others = [build.compared(name, settings, self.scenario.paper_N) for name, settings in self.compare.items()]
         self.controllers = [*given, *(other for other in others if other != main)]
@@ -190,24 +191,24 @@ class EvolveConfig(WorldConfig):
         super().__post_init__()
         if self.scenario.hand is not None:
             raise ValueError(f"scenario.hand={self.scenario.hand} is for `epuckhebb evaluate`; evolve takes changes")
-        self.controller = build.controller_from(self.hebbian, Adaptation())
+        self.controller = build.controller_of(self.rule, Adaptation(), self.hebbian.get("name"))
         self.controller.check(self.world, self.lifetime.duration_s, self.wiring)
-        if self.controller.rule.carries_history:
+        if self.rule.carries_history:
             raise ValueError("hebbian.carries_history=true is for evaluate: in evolution no lifetime follows another")
         self.algorithm = build.optimizer_from(self.optimizer, self.ga)
         self.schedule = self.algorithm.schedule(self.training, self.lifetime)
         self.training.check(self.world, self.lifetime, self.schedule.loops)
-        rule, inherits = self.controller.rule, type(self.algorithm).inherit is not Algorithm.inherit
-        evolves = rule.initial_weights is InitialWeights.evolved and self.genome is None
+        inherits = type(self.algorithm).inherit is not Algorithm.inherit
+        evolves = self.rule.initial_weights is InitialWeights.evolved and self.genome is None
         for name, fits in (("lamarckian", evolves and inherits), ("rule_off", evolves)):
-            if getattr(self.training, name) and (isinstance(rule, NoRule) or not fits):
+            if getattr(self.training, name) and (isinstance(self.rule, NoRule) or not fits):
                 raise ValueError(
                     f"training.{name}=true needs a plasticity rule whose initial weights evolve, as hebbian=baldwin, "
                     f"no genome, and for lamarckian optimizer=ga; got hebbian.rule={self.hebbian.get('rule')}, "
                     f"genome={self.genome}, optimizer={self.algorithm.name}"
                 )
         network = build.network_for(self.world, self.shape)
-        self.plan = evolved_plan(network, self.controller.rule, given=self.genome is not None)
+        self.plan = evolved_plan(network, self.rule, given=self.genome is not None)
         self.algorithm.check(self.plan)
 
 
@@ -244,12 +245,26 @@ def structured(command: str) -> DictConfig:
 
 def typed(cfg: DictConfig, schema: type[Config]) -> Config:
     """The composed configuration as plain dataclasses, checked."""
-    try:
+    with refusing(explain, (ValueError, OmegaConfBaseException)):
         config: Any = OmegaConf.to_object(cfg)
-    except ConfigError:
-        raise
-    except (ValueError, OmegaConfBaseException) as error:
-        raise ConfigError(explain(error)) from error
     assert isinstance(config, schema)
     config.composed = cfg
     return config
+
+
+def from_values(values: Plain, schema: type[Config], source: str) -> Config:
+    """The configuration of plain values, all names among them. source: where they come from, for messages."""
+    with refusing(lambda error: f"{source} cannot be used: {explain(error)}", Exception):  # damaged ones may raise any
+        cfg = OmegaConf.merge(_keys_of(cast(Any, schema)), literal(values))
+        assert isinstance(cfg, DictConfig)
+    return typed(cfg, schema)
+
+
+def value_as_declared(key: str, value: Any, command: str) -> Any:
+    """A value of a key of a command, of the type that the schema declares."""
+    with refusing(explain, OmegaConfBaseException):
+        keys: Any = OmegaConf.merge(_keys_of(SCHEMAS[command]), {key: literal(value)})
+    return keys[key]
+
+
+_keys_of = functools.cache(OmegaConf.structured)  # the keys of a schema with their types; each job of a sweep has them

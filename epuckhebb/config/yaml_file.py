@@ -13,6 +13,7 @@ from epuckhebb.runtime import ConfigError
 
 _MOST_NODES = 100_000  # that the aliases of a file may stand for
 _OTHER_BASE = re.compile(r"[-+]?0[\d_]+|.*:.*")  # a plain number that YAML reads in base 8 or 60
+_ALIAS = re.compile(r"\*")
 _SUSPECT = re.compile(r"(?<![\w.+-])[-+]?0\d|\d:\d|defaults:")  # what a file without this need not be searched for
 
 
@@ -35,24 +36,15 @@ def load(path: Path) -> dict[str, Any]:
 
 
 def check_aliases(path: Path) -> None:
-    """Refuse a file whose aliases stand for more than memory holds, or for themselves, before any of them is expanded.
-
-    What else is wrong with a file is reported by who reads it.
-    """
-    try:
-        text = path.read_text(encoding="utf-8")
-        root = yaml.compose(text, Loader=yaml.SafeLoader) if "*" in text else None
-    except (OSError, ValueError, RecursionError, yaml.YAMLError):
-        return
+    """Refuse a file whose aliases stand for more than memory holds, or for themselves, before they are expanded."""
+    root = _root(path, _ALIAS)
     sizes: dict[int, int] = {}
 
     def size(node: yaml.Node) -> int:
         """How many nodes a node stands for."""
         if id(node) not in sizes:
             sizes[id(node)] = _MOST_NODES + 1  # while it is counted: of a node that contains itself
-            value = node.value if isinstance(node, yaml.CollectionNode) else []
-            below = (one for item in value for one in (item if isinstance(item, tuple) else (item,)))
-            sizes[id(node)] = 1 + sum(map(size, below))
+            sizes[id(node)] = 1 + sum(map(size, _below(node)))
         return sizes[id(node)]
 
     if root is not None and size(root) > _MOST_NODES:
@@ -64,11 +56,7 @@ def check_meaning(path: Path) -> None:
 
     YAML reads 010 as 8 and 1:30 as 90. Defaults that come after `_self_` replace the file's own values.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-        root = yaml.compose(text, Loader=yaml.SafeLoader) if _SUSPECT.search(text) else None
-    except (OSError, ValueError, RecursionError, yaml.YAMLError):
-        return
+    root = _root(path, _SUSPECT)
     for node in _scalars(root):
         if node.style is None and node.tag.endswith((":int", ":float")) and _OTHER_BASE.fullmatch(node.value):
             number = yaml.safe_load(node.value)
@@ -86,11 +74,8 @@ def check_meaning(path: Path) -> None:
             continue
         if isinstance(entry, yaml.ScalarNode):
             check_meaning(path.with_name(f"{name}.yaml"))
-        replaces = isinstance(entry, yaml.ScalarNode) or re.split(r"[ /.@]", name)[-1] in {
-            *values,
-            "_here_",
-            "_global_",
-        }
+        place = re.split(r"[ /.@]", name)[-1]
+        replaces = isinstance(entry, yaml.ScalarNode) or place in (*values, "_here_", "_global_")
         if after_values and values and replaces and not name.startswith("override "):
             raise ConfigError(
                 f"{path}, line {entry.start_mark.line + 1}: {name} comes after _self_, so it replaces values of this "
@@ -102,6 +87,20 @@ def _scalars(node: yaml.Node | None) -> Iterator[yaml.ScalarNode]:
     """The single values, and the keys, in a node."""
     if isinstance(node, yaml.ScalarNode):
         yield node
+    for one in _below(node):
+        yield from _scalars(one)
+
+
+def _below(node: yaml.Node | None) -> Iterator[yaml.Node]:
+    """The nodes in a list or a mapping, keys among them."""
     for item in node.value if isinstance(node, yaml.CollectionNode) else ():
-        for one in item if isinstance(item, tuple) else (item,):
-            yield from _scalars(one)
+        yield from item if isinstance(item, tuple) else (item,)
+
+
+def _root(path: Path, pattern: re.Pattern[str]) -> yaml.Node | None:
+    """The nodes of a file in which a pattern is found; of one that is wrong None, since who reads it reports that."""
+    try:
+        text = path.read_text(encoding="utf-8")
+        return yaml.compose(text, Loader=yaml.SafeLoader) if pattern.search(text) else None
+    except (OSError, ValueError, RecursionError, yaml.YAMLError):
+        return None

@@ -1,8 +1,7 @@
 """The forward pass, compiled: the drives of a group of neurons, their responses, and then the next group.
 
 In layers, a group is a layer, and y = tanh(x W). Synapses that join all neurons of one row with all of another are a
-block. Blocks are written out one after the other with constant sizes. A list of synapses that makes many blocks is
-walked through, one by one.
+block. A few blocks are written out one after the other with constant sizes; many are walked through.
 """
 
 from collections.abc import Callable, Iterator
@@ -10,17 +9,12 @@ from functools import cache
 from itertools import pairwise
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.compiling.kernel import compiled
+from epuckhebb.controller.compiling.kernel import compiled, in_turn
 from epuckhebb.controller.compiling.simd import WIDTH, alike, plus, read, times, write
 from epuckhebb.controller.network import GivenOutputs, Network, tanh
 from epuckhebb.controller.own_class import number_of
 from epuckhebb.controller.wiring import OF_NEURON
-
-MOST_BLOCKS = 16  # that are written out
 
 
 @cache
@@ -42,7 +36,7 @@ def forward_pass(network: Network) -> Callable[..., None]:
 
         return given
 
-    functions: dict[str, Any] = {"add": _add, "respond": _responder(network)}
+    functions: dict[str, Any] = {"respond": _responder(network)}
     ends = pairwise([*network.first_neuron[1:], network.neurons])
     calls = [call for begin, end in ends for call in _calls_of_group(network, begin, end, functions)]
     take_turns = compiled(eval(f"lambda weights, activation, drive, neurons: ({', '.join(calls)},)", functions))
@@ -82,29 +76,24 @@ def _responder(network: Network) -> Callable[..., None]:
 def _calls_of_group(network: Network, begin: int, end: int, functions: dict[str, Any]) -> Iterator[str]:
     """The calls that give the neurons from `begin` to before `end` their activations, written out.
 
-    functions: those that are called, by name; one for synapses in any order is added.
+    functions: those that are called, by name; one is added.
     """
-    senders, receivers = network.joined
     # The last vector may reach beyond a block, but only behind the group: its drives are being added up.
     blocks = [
         (pre, post, first, inputs, outputs, whole if post + outputs == end else outputs // WIDTH)
         for pre, post, first, inputs, outputs, whole in network.vectors
         if begin <= post < end
     ]
-    size, one_by_one = end - begin, len(blocks) > MOST_BLOCKS
+    size = end - begin
     # The first block sets the drives, if it reaches all of them; else one without synapses sets them to 0.
-    if one_by_one or not blocks or (blocks[0][1], blocks[0][4]) != (begin, size):
-        no_synapses = (0, begin, 0, 0, size, size // WIDTH)
-        blocks = [no_synapses] if one_by_one else [no_synapses, *blocks]
-    for number, block in enumerate(blocks):
-        yield f"add({', '.join(map(str, block))}, {number > 0}, weights, activation, drive)"
-    if one_by_one:
-        functions[f"add_to_{begin}"] = _one_by_one(senders, receivers, (begin <= receivers) & (receivers < end))
-        yield f"add_to_{begin}(weights, activation, drive)"
+    if not blocks or (blocks[0][1], blocks[0][4]) != (begin, size):
+        blocks = [(0, begin, 0, 0, size, size // WIDTH), *blocks]
+    numbered = [(*block, int(number > 0)) for number, block in enumerate(blocks)]
+    functions[f"add_to_{begin}"] = in_turn(_add, numbered, "weights, activation, drive")
+    yield f"add_to_{begin}(weights, activation, drive)"
     yield f"respond({begin}, {end}, drive, activation, neurons)"
 
 
-@compiled
 def _add(
     pre: int,
     post: int,
@@ -112,7 +101,7 @@ def _add(
     inputs: int,
     outputs: int,
     vectors: int,
-    more: bool,
+    more: int,
     weights: Floats,
     activation: Floats,
     drive: Floats,
@@ -128,18 +117,3 @@ def _add(
         for i in range(inputs):
             summed += activation[pre + i] * weights[first + i * outputs + j]
         drive[post + j] = summed
-
-
-def _one_by_one(
-    pre: NDArray[np.int64], post: NDArray[np.int64], own: NDArray[np.bool_]
-) -> Callable[[Floats, Floats, Floats], None]:
-    """The same for synapses in any order. own: which of them reach this group."""
-    places = np.flatnonzero(own)
-    senders, receivers, count = pre[places], post[places], len(places)
-
-    @compiled
-    def add(weights: Floats, activation: Floats, drive: Floats) -> None:
-        for k in range(count):
-            drive[receivers[k]] += activation[senders[k]] * weights[places[k]]
-
-    return add

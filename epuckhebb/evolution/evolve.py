@@ -4,7 +4,6 @@
 never stopped.
 """
 
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
@@ -45,7 +44,7 @@ class Generation:
     goal. champion: (genes,) the fittest; after the last generation, the best of the optimizer's candidates.
     champion_fitness: by which it was chosen. again: fitness of the fittest in fresh lifetimes, with plasticity and
     without; None if it was not measured. log: all results so far, for the optimizer. tables: what it has to show, by
-    name. robot_steps, seconds: cost.
+    name. robot_steps: cost.
     """
 
     number: int
@@ -56,7 +55,6 @@ class Generation:
     log: tuple[Results, ...]
     tables: dict[str, "pd.DataFrame"]
     robot_steps: int
-    seconds: float
     again: tuple[float, float] | None = None
 
 
@@ -136,7 +134,6 @@ def search_generations(
         return with_given(genes, network, rule, given)
 
     for number in range(0 if after is None else after.number + 1, generations):
-        began = time.perf_counter()
         population = whole(search.ask())
         fitness, success, measures, robot_steps = evaluator.evaluate(population, number, search.measures)
         search.tell(fitness, measures)
@@ -162,7 +159,6 @@ def search_generations(
             log=search.log,
             tables=search.tables(),
             robot_steps=robot_steps,
-            seconds=time.perf_counter() - began,
             again=again,
         )
 

@@ -10,7 +10,6 @@ from epuckhebb.runs.environments import film
 from epuckhebb.runs.evaluate import (
     PreparedEvaluation,
     as_evolved,
-    caption,
     check_rules,
     compile_for,
     evaluate_into,
@@ -18,5 +17,5 @@ from epuckhebb.runs.evaluate import (
     prepare_evaluation,
 )
 from epuckhebb.runs.evolve import earlier_champions, evolve_into, evolve_job, new_evolution, prepare_evolution, resume
-from epuckhebb.runs.notes import notes_of
+from epuckhebb.runs.notes import caption, notes_of
 from epuckhebb.runs.rerun import config_of, repeat

@@ -12,7 +12,7 @@ import time
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,19 +28,16 @@ from epuckhebb.config import (
 from epuckhebb.controller import random
 from epuckhebb.controller.compiling.sources import own_code
 from epuckhebb.controller.controller import Controller
-from epuckhebb.controller.genome import GenomePlan, plan_of
-from epuckhebb.controller.network import Network
-from epuckhebb.controller.own_class import PartError, name_of
+from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.plasticity.control import Sign, signs
-from epuckhebb.controller.plasticity.rule import NoRule
 from epuckhebb.controller.random import Stream
 from epuckhebb.evolution.evolve import Generation, search_generations
-from epuckhebb.evolution.search import Results, Search, check_start
+from epuckhebb.evolution.search import Search, check_start
 from epuckhebb.runs import hydra
-from epuckhebb.runs.evaluate import check_rules, prepare_evaluation
-from epuckhebb.runs.evolve import prepare_evolution, shown_in_bar
-from epuckhebb.runtime import ConfigError, saying_if_slow
-from epuckhebb.store import CHAMPION, Genome, RunFolder, champion_file, digest, load_genome
+from epuckhebb.runs.evaluate import check_rules, compiling, prepare_evaluation, write_figure
+from epuckhebb.runs.evolve import PreparedEvolution, prepare_evolution
+from epuckhebb.runtime import ConfigError, refusing
+from epuckhebb.store import Genome, RunFolder, digest, load_genome
 from epuckhebb.worlds.environment import Lived
 
 Floats = NDArray[np.float64]
@@ -112,11 +109,8 @@ def _live(config: EnvironmentConfig, work: Work) -> list[Lived]:
 def _compile(config: EnvironmentConfig) -> None:
     """Load or compile the step of the controllers, before processes do."""
     genes = np.zeros(plan_of(config.network_made, type(config.rule)).genes)
-    try:
-        with saying_if_slow("Compiling; a first start takes some ten seconds, later ones do not."):
-            _controller(config, Work(0, genes, ())).act(np.zeros(config.network_made.inputs))
-    except ValueError as error:  # a NotCompiledError among them
-        raise ConfigError(str(error)) from error
+    with compiling():
+        _controller(config, Work(0, genes, ())).act(np.zeros(config.network_made.inputs))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,65 +143,37 @@ class _Evaluator:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PreparedEnvironmentEvolution:
-    """An evolution in an environment; see `runs.evolve.PreparedEvolution`."""
+class PreparedEnvironmentEvolution(PreparedEvolution):
+    """An evolution in an environment, which begins at random genes, and remembers nothing of it."""
 
     config: EvolveEnvironment
-    network: Network
-    plan: GenomePlan
-    given: None = None
-    start_text: ClassVar[str] = ""
-
-    def search(self, log: Sequence[Results] = ()) -> Search:
-        """The search of the optimizer, after the generations that are logged."""
-        return Search(self.config.algorithm, self.config.plan, self.config.seed, log)
 
     def compile(self) -> None:
         """Load or compile what the lifetimes need."""
         _compile(self.config)
 
-    def generations(
-        self, threads: int, after: Generation | None = None, *, quiet: bool = False
-    ) -> Iterator[Generation]:
-        """The generations of the evolution, beside a bar."""
+    def evolve(self, threads: int, after: Generation | None) -> Iterator[Generation]:
+        """The generations of the evolution."""
         config, evaluator = self.config, _Evaluator(config=self.config, processes=threads)
         count = config.schedule.generations
-        found = search_generations(
+        return search_generations(
             config.algorithm, evaluator, count, config.seed, after, network=self.network, rule=config.rule
         )
-        yield from shown_in_bar(found, count, after, quiet=quiet)
-
-    def network_genes(self, champion: Floats) -> Floats:
-        """The genes of a champion that are its network."""
-        return self.plan.pick(champion, self.plan.of_network)
 
     def nominal(self, last: Generation, threads: int) -> None:
-        """A champion of an environment remembers nothing of it."""
+        """There are no nominal statistics of an environment."""
 
-    def champion(self, last: Generation, nominal: None = None) -> bytes:  # noqa: ARG002  # others have one
-        """The `champion.npz` of a generation."""
-        config = self.config
-        genome = Genome(
-            genes=last.champion,
-            name=CHAMPION,
-            network=self.network,
-            robot=config.world.name,
-            lights=0,
-            plan=self.plan,
-            optimizer=config.algorithm.name,
-            rule="" if isinstance(config.rule, NoRule) else name_of(type(config.rule)),
-            environment=config.world.name,
-        )
-        return champion_file(genome, last.champion_fitness, config.seed, last.number)
+    @property
+    def evolved_for(self) -> dict[str, Any]:
+        """What the champion's file says of the world."""
+        return {"robot": self.config.world.name, "lights": 0, "environment": self.config.world.name}
 
 
 @prepare_evolution.register
 def _(config: EvolveEnvironment, *, has_genome: bool = True) -> PreparedEnvironmentEvolution:  # noqa: ARG001
     network = config.network_made
-    try:
+    with refusing():
         check_start(config.algorithm, config.plan, config.seed)
-    except PartError as error:
-        raise ConfigError(str(error)) from error
     if Search(config.algorithm, config.plan, config.seed).measures:
         raise ConfigError(f"optimizer {config.algorithm.name}: `tell` gets fitness alone in an environment")
     return PreparedEnvironmentEvolution(config=config, network=network, plan=plan_of(network, type(config.rule)))
@@ -289,13 +255,7 @@ class PreparedEnvironmentEvaluation:
         run.write("lifetime.csv", pd.DataFrame(course))
         run.write("table.csv", table)
         run.write("table.md", analysis.readable(table).markdown())
-        kind = self.config.figures.value
-        if kind != "none":
-            from epuckhebb.analysis.image import image
-            from epuckhebb.runs import figures
-
-            drawn = figures.lifetime(self.config, self.genome.name, pd.DataFrame(course))
-            run.write(f"figures/lifetime.{kind}", image(drawn, kind))
+        write_figure(run, "lifetime", self.config, self.genome.name, pd.DataFrame(course))
 
 
 @prepare_evaluation.register
@@ -326,13 +286,10 @@ def film(config: EvaluateEnvironment) -> bytes:
         if next(step) % every == 0:
             frames.append(Image.fromarray(env.render()).reduce(2))
 
-    try:
+    what = f"environment={config.world.name} cannot be drawn here"
+    hint = "without a screen, MuJoCo needs MUJOCO_GL=osmesa or egl"
+    with refusing(lambda error: f"{what}: {error}; {hint}", Exception):  # a library may raise anything
         config.world.live(_controller(config, work), work.seeds[0], watch=watch)
-    except Exception as error:  # of a library that draws, which may raise anything
-        raise ConfigError(
-            f"environment={config.world.name} cannot be drawn here: {error}; without a screen, MuJoCo needs "
-            "MUJOCO_GL=osmesa or egl"
-        ) from error
     buffer = io.BytesIO()
     frames[0].save(buffer, "GIF", save_all=True, append_images=frames[1:], duration=_FRAME_MS, loop=0)
     return buffer.getvalue()

@@ -3,8 +3,8 @@
 import copy
 import functools
 import json
-from collections.abc import Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from epuckhebb.adaptation.nominal import Nominal, measure_nominal
 from epuckhebb.analysis import tables
 from epuckhebb.analysis.evaluate import Rows, Traces, evaluate
 from epuckhebb.config import (
+    KINDS,
     Checked,
     EvaluateConfig,
     alternatives,
@@ -21,28 +22,24 @@ from epuckhebb.config import (
     environment_of_run,
     hand,
     own_files,
-    part_from,
-    part_names,
     quoted,
+    training_world,
     typed_as,
-    usual_physics,
     value_of,
 )
-from epuckhebb.config import training_world as world_of_training
 from epuckhebb.controller.compiling.sources import own_code
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import name_of
 from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, Rule, evolved_sizes
-from epuckhebb.controller.wiring import Wiring
+from epuckhebb.controller.wiring import LAYERS, Wiring
 from epuckhebb.runs import hydra
 from epuckhebb.runs.notes import notes_of
-from epuckhebb.runtime import LATEST, ConfigError, data_folder, saying_if_slow
+from epuckhebb.runtime import LATEST, ConfigError, data_folder, refusing, saying_if_slow
 from epuckhebb.store import (
     Genome,
     RunFolder,
     as_npz,
     below_runs,
-    check_wiring,
     digest,
     load_genome,
     resolve_run,
@@ -51,7 +48,6 @@ from epuckhebb.store import (
 from epuckhebb.tmaze.batch import load_kernel
 from epuckhebb.tmaze.individual import GA_ALONE, Controller
 from epuckhebb.tmaze.own_sensor import reading_names
-from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.robot import EPUCK
 from epuckhebb.tmaze.scenario import TRAINED, Scenario
 from epuckhebb.tmaze.session import LostRobotError
@@ -130,41 +126,29 @@ class PreparedEvaluation:
 
     def write(self, run: RunFolder, nominal: Nominal | None, threads: int) -> None:
         """Run the lifetimes, and write their tables, their traces, and last their figures."""
-        config, genome, kind = self.config, self.genome, self.config.figures.value
+        config, genome = self.config, self.genome
         if config.scenario.hand is not None:
             run.write(hand.NAME, hand.content(config.scenario.hand))
         metrics, traces = self.run(nominal, threads)
+        run.write("metrics.csv", metrics)
         if config.world.task.has_trials:
             import pandas as pd  # takes a while to load, as does all that draws
 
             from epuckhebb.analysis import reversal
 
-            rows, trials = pd.DataFrame(metrics), pd.DataFrame(traces.trials)
-            shares = reversal.table(rows, trials, config.world.task, config.seed)
-            run.write("metrics.csv", rows)
+            trials = pd.DataFrame(traces.trials)
+            shares = reversal.table(pd.DataFrame(metrics), trials, config.world.task, config.seed)
             run.write("reversal_trials.csv", trials)
             run.write("reversal.csv", shares)
             run.write("reversal.md", reversal.readable(shares).markdown())
-            if kind != "none":
-                from epuckhebb.analysis.image import image
-                from epuckhebb.runs import figures
-
-                run.write(
-                    f"figures/reversal.{kind}", image(figures.reversal(config, genome.name, shares, trials), kind)
-                )
+            write_figure(run, "reversal", config, genome.name, shares, trials)
         else:
-            run.write("metrics.csv", metrics)
             table, below = tables.paper_table(metrics), [*map(tables.plain, self.notes), tables.saturation(metrics)]
             run.write("table.csv", tables.flat(table))
             run.write("table.md", "\n".join([tables.to_markdown(table), *(f"{note}\n" for note in below if note)]))
         if config.lifetime.record_every:
             run.write("traces.npz", as_npz(traces_arrays(traces, genome.weights, genome.network)))
-            if kind != "none":
-                from epuckhebb.analysis.figures import trajectories
-                from epuckhebb.analysis.image import image
-
-                drawn = trajectories(traces, config.world, caption(config, genome.name))
-                run.write(f"figures/trajectories.{kind}", image(drawn, kind))
+            write_figure(run, "trajectories", config, genome.name, traces)
 
     @property
     def lifetime_ids(self) -> dict[str, str]:
@@ -187,8 +171,13 @@ def check_genome(genome: Genome, world: Scenario, shape: tuple[int, ...] | Wirin
             f"genome={genome.name} is for a network of layers {genome.network}, which {has} task={task.name}; "
             f"give task={genome.task or ONE_TRIAL.name}, or a champion that was evolved with task={task.name}"
         )
-    check_wiring(genome.wiring, shape, genome.name)
     has_others = bool(genome.optimizer) and genome.sensors != sensors
+    asked = shape.name if isinstance(shape, Wiring) else LAYERS
+    if genome.wiring != asked:
+        raise ConfigError(
+            f"genome={genome.name} is for network.wiring={genome.wiring}, the settings have network.wiring={asked}; "
+            f"give network.wiring={genome.wiring} (FILE.py:{genome.wiring} if you wrote it), or another champion"
+        )
     if genome.robot != robot.name or genome.network.inputs != world.inputs or has_others:
         raise ConfigError(
             f"genome={genome.name} is for robot {genome.robot} with own sensors {genome.sensors or 'none'}, and a "
@@ -234,17 +223,6 @@ def evaluate_job(job: hydra.Job) -> None:
     evaluate_into(job.path, job.config, job.overrides, job.facts, threads=job.threads)
 
 
-def training_world(config: EvaluateConfig, evolved_in: str = "") -> Scenario:
-    """The world in which controllers of this experiment are evolved, in the maze of the evaluation, for its robot.
-
-    evolved_in: the name of their physics, which may be another than that of the evaluation; "" for that of the plane.
-    """
-    physics = part_from("physics", config.physics, "physics")
-    if physics.name != (evolved_in or PYMUNK.name):
-        physics = usual_physics(evolved_in or PYMUNK.name)
-    return world_of_training(config, config.world.experiment, physics)
-
-
 def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:
     """Overrides with the robot and the wiring that their champion was evolved for, unless they name one.
 
@@ -256,10 +234,9 @@ def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:
         return words if is_given else [*words, f"genome={quoted(str(_latest_in(environment[-1])))}"]
     if not named:
         return words
-    environments = {str(settings["environment"]["name"]) for settings in map(_environment_of, named[-1:]) if settings}
-    if environments:
-        return [*words, f"environment={environments.pop()}"]
     (words_of,) = alternatives(named[-1:]).values()
+    if evolution := environment_of_run(value_of(words_of[0])):
+        return [*words, f"environment={evolution['environment']['name']}"]
     genomes: list[Genome] = []
     for word in words_of:
         with suppress(ConfigError):  # one that cannot be read is reported later
@@ -273,7 +250,7 @@ def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:
     if is_known and not others and not any(key.split(".")[0] == "robot" for key in keys):
         words = [*words, f"robot={quoted(robot)}"]
     (wiring, settings), *several = {(genome.wiring, genome.wiring_settings) for genome in genomes}
-    if several or not settings or wiring not in part_names("wiring") or keys & {"network", "network.wiring"}:
+    if several or not settings or wiring not in KINDS["wiring"].names or keys & {"network", "network.wiring"}:
         return words
     own = {f"network.{key}": value for key, value in json.loads(settings).items() if f"network.{key}" not in keys}
     return [*words, f"network.wiring={wiring}", *typed_as(own)]
@@ -287,20 +264,29 @@ def _latest_in(environment: str) -> Path:
     return ours[-1] if ours else resolve_run(LATEST, "evolve")
 
 
-def _environment_of(word: str) -> dict[str, Any]:
-    (words,) = alternatives([word]).values()
-    return environment_of_run(value_of(words[0]))
+@contextmanager
+def compiling() -> Iterator[None]:
+    """Time in which kernels are loaded or compiled; what cannot be compiled is a ConfigError."""
+    with saying_if_slow("Compiling; a first start takes some ten seconds, later ones do not."), refusing():
+        yield
 
 
 def compile_for(controllers: Sequence[Controller], network: Network, world: Scenario) -> None:
     """Load or compile what lifetimes with these controllers need."""
-    try:
-        with saying_if_slow("Compiling; a first start takes some ten seconds, later ones do not."):
-            for controller in controllers or [GA_ALONE]:
-                with suppress(LostRobotError):  # one step of a network of zeros says nothing about a genome
-                    load_kernel(controller, network, world)
-    except ValueError as error:  # a NotCompiledError among them
-        raise ConfigError(str(error)) from error
+    with compiling():
+        for controller in controllers or [GA_ALONE]:
+            with suppress(LostRobotError):  # one step of a network of zeros says nothing about a genome
+                load_kernel(controller, network, world)
+
+
+def write_figure(run: RunFolder, name: str, config: Any, *given: Any) -> None:
+    """Write a figure of a run, unless its settings have none. name: of a function of `runs.figures`, for `given`."""
+    kind = config.figures.value
+    if kind != "none":
+        from epuckhebb.analysis.image import image
+        from epuckhebb.runs import figures  # matplotlib takes a while to load
+
+        run.write(f"figures/{name}.{kind}", image(vars(figures)[name](config, *given), kind))
 
 
 def evaluate_into(path: Path, config: Checked, overrides: list[str], facts: dict[str, Any], *, threads: int) -> None:
@@ -323,15 +309,3 @@ def evaluate_into(path: Path, config: Checked, overrides: list[str], facts: dict
     nominal = prepared.remember(threads)
     with RunFolder.new(path, "evaluate", dump(config), overrides, facts, own_files(config.values)) as run:
         prepared.write(run, nominal, threads)
-
-
-def caption(config: EvaluateConfig, genome_name: str, controllers: Sequence[tuple[str, float]] | None = None) -> str:
-    """Which lifetimes the traces of a run show, in one line; controllers: names and N, if not the configured."""
-    if controllers is None:
-        controllers = [(controller.name, float(controller.rule.N)) for controller in config.controllers]
-    rate = tables.rates(controllers)
-    changed = f" ({config.changed})" if config.changed else ""
-    return (
-        f"{config.world.name}{changed} · genome {genome_name} · {f'{rate} · ' if rate else ''}"
-        f"repeat 1 of {config.repeats}, seed {config.seed}"
-    )

@@ -5,7 +5,6 @@ be killed between any two files: resumed, it ends bit-identical.
 """
 
 import functools
-import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -30,15 +29,15 @@ from epuckhebb.config import (
 )
 from epuckhebb.controller.genome import GenomePlan, plan_of
 from epuckhebb.controller.network import Network
-from epuckhebb.controller.own_class import PartError, name_of
+from epuckhebb.controller.own_class import name_of
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.plasticity.rule import NoRule
 from epuckhebb.evolution.evolve import Generation, evolve, training_signs, with_given
 from epuckhebb.evolution.optimizer import limits
 from epuckhebb.evolution.search import Results, Search, check_start
 from epuckhebb.runs import hydra
-from epuckhebb.runs.evaluate import check_genome, compile_for
-from epuckhebb.runtime import ConfigError, bar, path_of, say, thread_count
+from epuckhebb.runs.evaluate import check_genome, compile_for, write_figure
+from epuckhebb.runtime import ConfigError, bar, path_of, refusing, say, thread_count
 from epuckhebb.store import (
     CHAMPION,
     CHECKPOINT,
@@ -75,15 +74,15 @@ class PreparedEvolution:
 
     plan: the parts of a champion's genes. given: the genes of the network that all individuals are given; None if these
     evolve. start: the champion with which evolution begins, and its evolved genes; None for random ones. origin: the
-    training world of the experiment, if training comes back to it.
+    training world of the experiment, if training comes back to it. An evolution in an environment is a subclass.
     """
 
-    config: EvolveConfig
+    config: Any
     network: Network
     plan: GenomePlan
-    given: NDArray[np.float64] | None
-    start: tuple[Genome, NDArray[np.float64]] | None
-    origin: Scenario | None
+    given: NDArray[np.float64] | None = None
+    start: tuple[Genome, NDArray[np.float64]] | None = None
+    origin: Scenario | None = None
 
     @property
     def start_text(self) -> str:
@@ -105,8 +104,18 @@ class PreparedEvolution:
         self, threads: int, after: Generation | None = None, *, quiet: bool = False
     ) -> Iterator[Generation]:
         """The generations of the evolution, from the first one or after one that has ended, beside a bar."""
+        count = self.config.schedule.generations
+        with bar("generation", count, after.number + 1 if after else 0, quiet=quiet) as shown:
+            for generation in self.evolve(threads, after):
+                best, mean = generation.fitness.max(), generation.fitness.mean()
+                shown.set_postfix_str(f"best {best:.3f}  mean {mean:.3f}", refresh=False)
+                shown.update()
+                yield generation
+
+    def evolve(self, threads: int, after: Generation | None) -> Iterator[Generation]:
+        """The same without a bar."""
         config = self.config
-        found = evolve(
+        return evolve(
             config.algorithm,
             config.world,
             config.lifetime,
@@ -120,12 +129,11 @@ class PreparedEvolution:
             start=self.start[1] if self.start else None,
             origin=self.origin,
         )
-        yield from shown_in_bar(found, config.schedule.generations, after, quiet=quiet)
 
     def fittest(self, log: Sequence[Results], number: int) -> NDArray[np.float64]:
         """The fittest genome of a generation that has ended: the optimizer asks for it again, without a lifetime."""
         fittest = self.search(log[:number]).ask()[[np.argmax(log[number].fitness)]]
-        fittest = with_given(fittest, self.network, self.config.controller.rule, self.given)
+        fittest = with_given(fittest, self.network, self.config.rule, self.given)
         return np.ravel(fittest)
 
     def network_genes(self, champion: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -141,39 +149,35 @@ class PreparedEvolution:
 
     def champion(self, last: Generation, nominal: Nominal | None = None) -> bytes:
         """The `champion.npz` of a generation."""
-        config, rule = self.config, self.config.controller.rule
+        config, rule = self.config, self.config.rule
         genome = Genome(
             genes=last.champion,
             name=CHAMPION,
             network=self.network,
-            robot=config.world.robot.name,
-            lights=config.world.robot.light.count,
             plan=self.plan,
-            experiment=config.world.experiment,
             optimizer=config.algorithm.name,
-            training=config.training.name,
             rule="" if isinstance(rule, NoRule) else name_of(type(rule)),
-            task="" if config.world.task == ONE_TRIAL else config.world.task.name,
-            fitness_function=config.world.fitness.name if config.world.fitness.is_own else "",
-            sensors=reading_names(config.world.robot.sensors),
-            physics="" if config.world.physics.name == PYMUNK.name else config.world.physics.name,
             start=self.start_text,
-            signs=training_signs(rule, self.network, config.seed) if rule.sign is Sign.shuffled else None,
             nominal=nominal,
+            **self.evolved_for,
         )
         return champion_file(genome, last.champion_fitness, config.seed, last.number)
 
-
-def shown_in_bar(
-    found: Iterator[Generation], count: int, after: Generation | None, *, quiet: bool
-) -> Iterator[Generation]:
-    """The same generations, beside a bar of so many."""
-    with bar("generation", count, after.number + 1 if after else 0, quiet=quiet) as shown:
-        for generation in found:
-            best, mean = generation.fitness.max(), generation.fitness.mean()
-            shown.set_postfix_str(f"best {best:.3f}  mean {mean:.3f}", refresh=False)
-            shown.update()
-            yield generation
+    @property
+    def evolved_for(self) -> dict[str, Any]:
+        """What the champion's file says of the robot and the world."""
+        config, rule, world = self.config, self.config.rule, self.config.world
+        return {
+            "robot": world.robot.name,
+            "lights": world.robot.light.count,
+            "experiment": world.experiment,
+            "training": config.training.name,
+            "task": "" if world.task == ONE_TRIAL else world.task.name,
+            "fitness_function": world.fitness.name if world.fitness.is_own else "",
+            "sensors": reading_names(world.robot.sensors),
+            "physics": "" if world.physics.name == PYMUNK.name else world.physics.name,
+            "signs": training_signs(rule, self.network, config.seed) if rule.sign is Sign.shuffled else None,
+        }
 
 
 @functools.singledispatch
@@ -185,7 +189,7 @@ def prepare_evolution(config: Any, *, has_genome: bool = True) -> Any:
     world = config.world
     check_library(world)
     network = network_for(world, config.shape)
-    plan = plan_of(network, type(config.controller.rule))
+    plan = plan_of(network, type(config.rule))
     given = _named("genome", config, network).network_genes if has_genome and config.genome is not None else None
     start = None
     if has_genome and config.start is not None:
@@ -193,18 +197,15 @@ def prepare_evolution(config: Any, *, has_genome: bool = True) -> Any:
         start = first, _start_genes(first, config)
     origin = None
     if config.training.returns:
-        origin = replace(
-            training_world(config, world.experiment, world.physics), task=world.task, fitness=world.fitness
-        )
+        origin = training_world(config, world.physics.name)
+        origin = replace(origin, task=world.task, fitness=world.fitness)
         if replace(origin, name=world.name) == world:
             raise ConfigError(
                 "training.season and training.rehearsal need another world than the training world of the experiment, "
                 f"got scenario={world.name}; give one, as scenario=lowlight or change=[slip_left]"
             )
-    try:
+    with refusing():
         check_start(config.algorithm, config.plan, config.seed, start[1] if start else None)
-    except PartError as error:
-        raise ConfigError(str(error)) from error
     return PreparedEvolution(config=config, network=network, plan=plan, given=given, start=start, origin=origin)
 
 
@@ -227,7 +228,7 @@ def _named(key: str, config: EvolveConfig, network: Network) -> Genome:
 def _start_genes(first: Genome, config: EvolveConfig) -> NDArray[np.float64]:
     """The genes at which evolution begins; what the champion has not, or of another rule, begins at 0."""
     plan, algorithm = config.plan, config.algorithm
-    own = first.plan if first.rule == name_of(type(config.controller.rule)) else first.plan.of_network
+    own = first.plan if first.rule == name_of(type(config.rule)) else first.plan.of_network
     genes = own.split(first.plan.pick(first.genes, own))
     start = np.concatenate([genes.get(part.name, np.zeros(part.size)) for part in plan.parts])
     limit = getattr(algorithm, "gene_limit", np.inf)
@@ -272,15 +273,7 @@ def evolve_into(
         run.write(CHAMPION, prepared.champion(last, prepared.nominal(last, threads)))
         for name, table in last.tables.items():
             run.write(f"{name}.csv", table)
-        kind = config.figures.value
-        if kind != "none":
-            import pandas as pd  # takes a while to load, as does matplotlib
-
-            from epuckhebb.analysis.image import image
-            from epuckhebb.runs import figures
-
-            drawn = figures.learning(config, config.algorithm.name, pd.read_csv(io.StringIO(after.history)))
-            run.write(f"figures/learning.{kind}", image(drawn, kind))
+        write_figure(run, "learning", config, config.algorithm.name, Run(run.path).table("history.csv"))
 
 
 def _write_generation(run: RunFolder, state: Checkpoint, prepared: PreparedEvolution) -> None:

@@ -3,8 +3,15 @@
 import pandas as pd
 from matplotlib.figure import Figure
 
-from epuckhebb.analysis import charts
+from epuckhebb.analysis import charts, figures
+from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.config import EvaluateConfig, EvaluateEnvironment, EvolveConfig, EvolveEnvironment
+from epuckhebb.runs.notes import caption
+
+
+def trajectories(config: EvaluateConfig, genome: str, traces: Traces) -> Figure:
+    """The paths of the recorded lifetimes."""
+    return figures.trajectories(traces, config.world, caption(config, genome))
 
 
 def reversal(config: EvaluateConfig, genome: str, shares: pd.DataFrame, trials: pd.DataFrame) -> Figure:

@@ -14,7 +14,7 @@ import hydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
 from hydra.types import RunMode
-from omegaconf import DictConfig, OmegaConf, flag_override
+from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config import (
@@ -22,21 +22,18 @@ from epuckhebb.config import (
     SCHEMAS,
     SWEEP_DIR,
     alternatives,
-    configuration_of,
     configurations,
     explain,
     from_values,
     swept_values,
     typed,
     value_of,
-    with_environment,
-    with_names_compared,
     world_name,
 )
 from epuckhebb.config.catalogue import USERS, VERSION_BASE, catalogue, choices_of
 from epuckhebb.config.compose import composed_with_hydra
 from epuckhebb.config.resolve import resolve
-from epuckhebb.runtime import ConfigError, JobFailedError, data_folder, exit_with_parent, thread_count
+from epuckhebb.runtime import ConfigError, JobFailedError, data_folder, exit_with_parent, refusing, thread_count
 from epuckhebb.store import check_folder_of_multirun, of_multirun
 
 _CHECKED_IN_FULL = 20  # a longer list of values is checked at its two ends
@@ -76,7 +73,6 @@ def check(
 
     prepare: a function that raises `ConfigError` if a checked configuration cannot be run.
     """
-    command = configuration_of(command, overrides)
     if not multirun:
         named = [override for override in overrides if override.startswith("experiment=")]
         if named and swept_values(overrides, config_dir):
@@ -95,22 +91,21 @@ def check(
 def run(command: str, job: Callable[[Job], None], arguments: list[str], config_dir: str | None = None) -> list[Path]:
     """Run a job, or with `--multirun` many, on the configuration that overrides and Hydra's own options describe.
 
-    Returns the folders of the runs, in the order of the jobs. config_dir: a folder with more configuration files.
+    Returns the folders of the runs, in the order of the jobs. command, arguments: as of `for_hydra`. config_dir: a
+    folder with more configuration files.
     """
-    arguments = with_environment(map(with_names_compared, arguments))
     if not any(argument.startswith("-") for argument in arguments):
         return [_run_one(command, job, arguments, config_dir)]
-    name = configuration_of(command, arguments)
-    task = functools.partial(_job_of_hydra, name, job)
+    task = functools.partial(_job_of_hydra, command, job)
     if "--multirun" not in arguments:
-        call(name, task, arguments, config_dir)
+        call(command, task, arguments, config_dir)
         return []
     if useless := [argument for argument in arguments if argument.startswith(RUN_DIR)]:
         raise ConfigError(f"{useless[-1]} does nothing in a multirun; give {SWEEP_DIR}FOLDER")
     given = [value_of(argument) for argument in arguments if argument.startswith(SWEEP_DIR)]
-    folder = Path(given[-1]) if given else Path("runs") / command / f"{new_stamp()}_multirun"
+    folder = Path(given[-1]) if given else Path("runs") / command.partition("_")[0] / f"{new_stamp()}_multirun"
     check_folder_of_multirun(folder)
-    call(name, task, arguments if given else [f"{SWEEP_DIR}{folder}", *arguments], config_dir)
+    call(command, task, arguments if given else [f"{SWEEP_DIR}{folder}", *arguments], config_dir)
     return of_multirun(folder)
 
 
@@ -120,16 +115,12 @@ def _run_one(command: str, job: Callable[[Job], None], overrides: list[str], con
         is_hydras = override.lstrip("+~").startswith(("hydra.", "hydra/"))
         if is_hydras and not override.startswith((RUN_DIR, "hydra.searchpath=")):
             raise ConfigError(f"{override} does nothing in one run; give {RUN_DIR}FOLDER, or -m for many runs")
-    name = configuration_of(command, overrides)
-    cfg, hydras, _ = composed_with_hydra(name, overrides, config_dir)
-    config = typed(cfg, SCHEMAS[name])
-    with flag_override(cfg, ["struct", "readonly"], [False, False]):
-        cfg.hydra = hydras
-        try:
-            path = Path(cfg.hydra.run.dir)
-        except OmegaConfBaseException as error:
-            raise ConfigError(explain(error)) from error
-        del cfg.hydra
+    _, _, cfg, hydras, _ = composed_with_hydra(command, overrides, config_dir)
+    config = typed(cfg, SCHEMAS[command])
+    cfg.hydra = hydras
+    with refusing(explain, OmegaConfBaseException):
+        path = Path(cfg.hydra.run.dir)
+    del cfg.hydra
     own = [word for word in overrides if not word.lstrip("+~").startswith(("hydra.", "hydra/"))]
     job(Job(path, config, own, _facts(command, own, config_dir), thread_count(config.threads), in_multirun=False))
     return path

@@ -1,7 +1,9 @@
-"""What a reader must know beside the table of an evaluation: a line for each note."""
+"""What a reader must know beside the table of an evaluation, a line for each note, and beside its paths."""
 
 import csv
+from collections.abc import Sequence
 
+from epuckhebb.analysis import tables
 from epuckhebb.config import EvaluateConfig
 from epuckhebb.runtime import REFERENCE, data_folder
 from epuckhebb.store import Genome
@@ -47,3 +49,15 @@ def _showcase(genome: Genome, scenario: str, rate: float) -> str:
                 f"genome={REFERENCE}_1,...,{REFERENCE}_{n}"
             )
     return ""
+
+
+def caption(config: EvaluateConfig, genome_name: str, controllers: Sequence[tuple[str, float]] | None = None) -> str:
+    """Which lifetimes the traces of a run show, in one line; controllers: names and N, if not the configured."""
+    if controllers is None:
+        controllers = [(controller.name, float(controller.rule.N)) for controller in config.controllers]
+    rate = tables.rates(controllers)
+    changed = f" ({config.changed})" if config.changed else ""
+    return (
+        f"{config.world.name}{changed} · genome {genome_name} · {f'{rate} · ' if rate else ''}"
+        f"repeat 1 of {config.repeats}, seed {config.seed}"
+    )

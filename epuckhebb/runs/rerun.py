@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from epuckhebb.config import OWN_CODE, from_values, hand, schema_of, settings, with_own_copies
-from epuckhebb.runs.evaluate import evaluate_into, prepare_evaluation
-from epuckhebb.runs.evolve import evolve_into, new_evolution, prepare_evolution
-from epuckhebb.runs.hydra import new_stamp
+from epuckhebb.runs.evaluate import evaluate_job, prepare_evaluation
+from epuckhebb.runs.evolve import evolve_job, prepare_evolution
+from epuckhebb.runs.hydra import Job, new_stamp
 from epuckhebb.runtime import ConfigError, say, thread_count
 from epuckhebb.store import SCIENCE, Run, load_genome, versions
 
@@ -40,24 +40,22 @@ def repeat(path: Path) -> tuple[Path, str]:
             say(f"{name} was {before} in this run, and is {number} now; digits may differ.")
     new = Path("runs") / command / f"{new_stamp()}_rerun_of_{path.resolve().name}"
     more = {"command_line": ["epuckhebb", "rerun", str(path)], "rerun_of": str(path)}
+    config = config_of(run, command)
     if command == "evaluate":
-        config = config_of(run, "evaluate")
         genome = prepare_evaluation(config).genome
         if genome.sha256 != facts["genome_sha256"]:
             raise ConfigError(
                 f"genome={config.genome} is not the genome of {path}: its SHA-256 is {genome.sha256[:16]}…, "
                 f"it was {facts['genome_sha256'][:16]}…"
             )
-        evaluate_into(new, config, facts["overrides"], more, threads=thread_count(config.threads))
     else:
-        again = prepare_evolution(config_of(run, "evolve"))
-        again.compile()
-        if again.given is not None and not np.array_equal(load_genome(str(path), "").network_genes, again.given):
-            raise ConfigError(f"genome={again.config.genome} does not hold the weights with which {path} began")
-        if load_genome(str(path), "").start != again.start_text:
-            raise ConfigError(f"start={again.config.start} does not hold the genes at which {path} began")
-        folder = new_evolution(new, again.config, facts["overrides"], more)
-        evolve_into(folder, again, None, threads=thread_count(again.config.threads))
+        again, champion = prepare_evolution(config), load_genome(str(path), "")
+        if again.given is not None and not np.array_equal(champion.network_genes, again.given):
+            raise ConfigError(f"genome={config.genome} does not hold the weights with which {path} began")
+        if champion.start != again.start_text:
+            raise ConfigError(f"start={config.start} does not hold the genes at which {path} began")
+    job = Job(new, config, facts["overrides"], more, thread_count(config.threads), in_multirun=False)
+    (evaluate_job if command == "evaluate" else evolve_job)(job)
     return new, _difference(path, new)
 
 

@@ -18,6 +18,7 @@ from epuckhebb.runtime.errors import (
     interruptible,
     is_interruption,
     open_folders,
+    refusing,
 )
 from epuckhebb.runtime.progress import bar, be_quiet, counting, say, saying_if_slow
 from epuckhebb.runtime.resources import (

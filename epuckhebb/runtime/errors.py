@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import Any
 
 JOB_FAILED, USAGE, INTERRUPTED = 1, 2, 130  # exit codes
 _PATIENCE_S = 1.5
@@ -24,6 +25,19 @@ class ConfigError(ValueError):
 
 class JobFailedError(RuntimeError):
     """A run began and could not be finished; the message says which and why."""
+
+
+@contextmanager
+def refusing(
+    message: Callable[[Any], str] = str, kinds: type[Exception] | tuple[type[Exception], ...] = ValueError
+) -> Iterator[None]:
+    """Turn an error of these kinds into a `ConfigError`, whose message is made of it."""
+    try:
+        yield
+    except ConfigError:
+        raise
+    except kinds as error:
+        raise ConfigError(message(error)) from error
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

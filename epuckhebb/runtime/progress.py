@@ -43,14 +43,9 @@ def be_quiet(quiet: bool) -> None:
     os.environ[_QUIET] = "1" if quiet else ""
 
 
-def is_quiet() -> bool:
-    """Whether this call was asked to print nothing."""
-    return bool(os.environ.get(_QUIET))
-
-
 def say(note: str) -> None:
     """Print a note on standard error, unless this call is quiet."""
-    if is_quiet():
+    if os.environ.get(_QUIET):
         return
     with sys.modules["tqdm"].tqdm.external_write_mode(_STDERR) if "tqdm" in sys.modules else nullcontext():
         print(note, file=_STDERR, flush=True)  # above a bar
@@ -73,7 +68,7 @@ def bar(what: str, total: int, done: int = 0, *, quiet: bool = False) -> "tqdm[A
     from tqdm import tqdm
 
     rarely = {} if sys.stderr.isatty() or "ipykernel" in sys.modules else {"mininterval": _LOG_S, "delay": _LOG_S}
-    hidden = quiet or is_quiet()
+    hidden = quiet or bool(os.environ.get(_QUIET))
     look = {"bar_format": _LOOK, "file": _STDERR, "disable": hidden, **rarely}
     return tqdm(desc=what, total=total, initial=done, miniters=1, **look)
 

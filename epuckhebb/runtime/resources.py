@@ -6,7 +6,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
-from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.runtime.errors import refusing
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 LATEST = "latest"  # the word for the run of the last call
@@ -46,9 +46,6 @@ def data_folder(name: str) -> Path:
 
 def path_of(text: str, key: str) -> Path:
     """A path that a user gave for a key, with `~` or `~name` at its beginning replaced by that folder."""
-    try:
+    unknown = f"{key}={text}: {text.partition('/')[0]} stands for no folder here; give the whole path"
+    with refusing(lambda _: unknown, RuntimeError):
         return Path(text).expanduser()
-    except RuntimeError as error:
-        raise ConfigError(
-            f"{key}={text}: {text.partition('/')[0]} stands for no folder here; give the whole path"
-        ) from error

@@ -92,6 +92,5 @@ class Checkpoint:
                 log=search.log,
                 tables=search.tables(),
                 robot_steps=0,
-                seconds=0.0,
             )
         return cls(generation, str(arrays["history"]))

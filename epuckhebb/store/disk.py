@@ -4,15 +4,15 @@ import hashlib
 import io
 import json
 import os
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.runtime import ConfigError
+from epuckhebb.runtime import refusing
 
 CHAMPION, CHECKPOINT, TRACES = "champion.npz", "checkpoint.npz", "traces.npz"
 SCHEMA = 2  # of provenance.json and status.json
@@ -39,10 +39,8 @@ def write_atomic(target: Path, content: bytes, *, lasting: bool = True) -> None:
 
 def bytes_of(file: Path) -> bytes:
     """The content of a file."""
-    try:
+    with refusing(lambda error: f"{file} cannot be read: {error.strerror}", OSError):
         return file.read_bytes()
-    except OSError as error:
-        raise ConfigError(f"{file} cannot be read: {error.strerror}") from error
 
 
 def sha256_of(content: bytes) -> str:
@@ -82,12 +80,6 @@ def arrays_of(content: bytes) -> dict[str, NDArray[Any]]:
     return {"genome": loaded} if isinstance(loaded, np.ndarray) else dict(loaded)
 
 
-@contextmanager
-def one_error(what: str) -> Iterator[None]:
+def one_error(what: str) -> AbstractContextManager[None]:
     """Turn whatever goes wrong while a file is read into a `ConfigError` that begins with `what`."""
-    try:
-        yield
-    except ConfigError:
-        raise
-    except Exception as error:  # damaged bytes may raise anything
-        raise ConfigError(f"{what}: {error or type(error).__name__}") from error
+    return refusing(lambda error: f"{what}: {error}", Exception)  # damaged bytes may raise anything

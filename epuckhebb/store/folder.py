@@ -1,8 +1,5 @@
 """A run folder from its start to its end: made, claimed and locked (`lock.py`), written, closed."""
 
-import csv
-import io
-import math
 import shutil
 import traceback
 from collections.abc import Callable, Iterator, Mapping
@@ -11,7 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from secrets import token_hex
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Protocol, Union
+from typing import TYPE_CHECKING, Any, Union
 
 import yaml
 from filelock import BaseFileLock
@@ -26,26 +23,13 @@ from epuckhebb.store.run import Run, of_multirun
 if TYPE_CHECKING:
     import pandas as pd
 
+    from epuckhebb.config import OwnFile
+
+Own = Mapping[Path, "OwnFile"] | None  # the user's own Python, by path
 Content = Union[bytes, str, list[dict[str, Any]], "pd.DataFrame"]  # of a file; rows and tables become CSV
 UNFINISHED = "unfinished"  # folder of a study, with a folder for each attempt at a run
 SET_ASIDE = "set_aside"  # folder of a study for what was in the way, or holds a user's files
 _PATIENCE_S = 1.0  # how long another process may lock a folder just to look whether it is locked
-
-
-class OwnFile(Protocol):
-    """A user's own Python file, as a run folder keeps it."""
-
-    @property
-    def copy(self) -> str:
-        """The place of its copy in the run folder."""
-
-    @property
-    def sha256(self) -> dict[str, str]:
-        """The SHA-256 of its source and of those that it imports, by path."""
-
-    @property
-    def copies(self) -> dict[str, bytes]:
-        """All copies, by their places."""
 
 
 class RunFolder:
@@ -74,7 +58,7 @@ class RunFolder:
         config: str,
         arguments: list[str],
         facts: dict[str, Any],
-        own: Mapping[Path, OwnFile] | None = None,
+        own: Own = None,
     ) -> "RunFolder":
         """Claim a folder that holds no run yet, and write down what is about to run.
 
@@ -108,7 +92,7 @@ class RunFolder:
         config: str | None,
         arguments: list[str],
         facts: dict[str, Any],
-        own: Mapping[Path, OwnFile] | None = None,
+        own: Own = None,
     ) -> "RunFolder":
         """Resume the work in a folder, or begin it there; one process at a time.
 
@@ -184,7 +168,11 @@ class RunFolder:
             release(self._lock)
 
     def _begin(
-        self, facts: dict[str, Any], config: str | None, overrides: list[str] | None, own: Mapping[Path, OwnFile] | None
+        self,
+        facts: dict[str, Any],
+        config: str | None,
+        overrides: list[str] | None,
+        own: Own,
     ) -> None:
         """Write down what runs here: its state first, and `provenance.json`, by which a run is known, after that."""
         self._write_status("running")
@@ -214,21 +202,16 @@ class RunFolder:
 
 def as_bytes(content: Content) -> bytes:
     """The content of a file; a table as CSV, with nothing in cells without a value."""
-    if isinstance(content, bytes):
-        return content
     if isinstance(content, list):
-        text = io.StringIO()
-        writer = csv.DictWriter(text, list(content[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(
-            {key: "" if isinstance(value, float) and math.isnan(value) else value for key, value in row.items()}
-            for row in content
-        )
-        content = text.getvalue()
-    return (content if isinstance(content, str) else str(content.to_csv(index=False, lineterminator="\n"))).encode()
+        import pandas as pd  # takes a while to load
+
+        content = pd.DataFrame(content)
+    if not isinstance(content, bytes | str):
+        content = str(content.to_csv(index=False, lineterminator="\n"))
+    return content.encode() if isinstance(content, str) else content
 
 
-def _own_code(own: Mapping[Path, OwnFile] | None) -> dict[str, Any]:
+def _own_code(own: Own) -> dict[str, Any]:
     """What `provenance.json` says of the user's files; nothing if there are none."""
     copies = {str(file): {"copy": one.copy, "sha256": one.sha256} for file, one in (own or {}).items()}
     return {"own_code": copies} if copies else {}

@@ -193,14 +193,14 @@ def _read_genome(path: Path, name: str, shape: tuple[int, ...] | Wiring | None) 
         if "genome" not in arrays and len(arrays) != 1:
             raise ValueError("it holds several arrays, none named `genome`")
         network = network_from(arrays, layers or PAPER_NETWORK.layers)
-        if shape is not None:
-            check_wiring(LAYERS if network.wiring is None else network.wiring.name, shape, path)
         if isinstance(shape, Wiring):  # it must join the same neurons as that of the file
-            wired = Network((network.inputs, *shape.sizes), network.rewarded, shape)
-            if wired.layers != network.layers or not np.array_equal(wired.joined, network.joined):
+            wired, own = Network((network.inputs, *shape.sizes), network.rewarded, shape), network.wiring
+            is_like = own is not None and own.name == shape.name and wired.layers == network.layers
+            if not (is_like and np.array_equal(wired.joined, network.joined)):
                 raise ConfigError(
-                    f"genome={path} is for a network {network} of {network.synapses} synapses, and the settings below "
-                    f"network make another of {wired.synapses}; give those of its evolution"
+                    f"genome={path} is for a network {network} of {network.synapses} synapses with network.wiring="
+                    f"{own.name if own else LAYERS}, and the settings below network make another, of {wired.synapses} "
+                    f"with network.wiring={shape.name}; give those of its evolution, or another champion"
                 )
             network = wired
         if layers and network.layers != layers:
@@ -219,14 +219,4 @@ def _read_genome(path: Path, name: str, shape: tuple[int, ...] | Wiring | None) 
             signs=arrays.get("signs"),
             nominal=Nominal(**known) if known else None,
             **{fact: str(arrays[fact]) for fact in _TEXTS if fact in arrays},
-        )
-
-
-def check_wiring(own: str, shape: tuple[int, ...] | Wiring | None, where: object) -> None:
-    """Refuse a genome of another wiring than the settings have. own: its name. where: the genome, for the message."""
-    asked = shape.name if isinstance(shape, Wiring) else LAYERS
-    if own != asked:
-        raise ConfigError(
-            f"genome={where} is for network.wiring={own}, and the settings have network.wiring={asked}; give "
-            f"network.wiring={own} (FILE.py:{own} if you wrote it), or another champion"
         )

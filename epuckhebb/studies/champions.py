@@ -21,6 +21,7 @@ from epuckhebb.analysis.evaluate import Rows
 from epuckhebb.config import (
     EvaluateConfig,
     EvolveConfig,
+    OwnFile,
     Plain,
     check_library,
     dump,
@@ -38,7 +39,7 @@ from epuckhebb.runs import (
     prepare_evolution,
 )
 from epuckhebb.runtime import ConfigError, JobFailedError
-from epuckhebb.store import OwnFile, RunFolder, as_json, digest, write_atomic
+from epuckhebb.store import RunFolder, as_json, digest, write_atomic
 from epuckhebb.studies.jobs import Job
 from epuckhebb.studies.study import Study, job_name
 from epuckhebb.tmaze.fitness import Signal

@@ -16,6 +16,7 @@ from epuckhebb.analysis.tables import Table, pictures
 from epuckhebb.config import (
     SWEEP_DIR,
     Checked,
+    OwnFile,
     Plain,
     class_named,
     dump,
@@ -29,7 +30,7 @@ from epuckhebb.config import (
 )
 from epuckhebb.runs import hydra
 from epuckhebb.runtime import ConfigError, JobFailedError, path_of, say
-from epuckhebb.store import OwnFile, Run, RunFolder, digest, fingerprint
+from epuckhebb.store import Run, RunFolder, digest, fingerprint
 from epuckhebb.studies.jobs import (
     JOBS,
     LIST,

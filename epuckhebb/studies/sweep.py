@@ -23,13 +23,12 @@ from epuckhebb.config import (
     Plain,
     alternatives,
     check_words,
-    configuration_of,
     configurations,
+    for_hydra,
     from_values,
     own_sources,
     schema_of,
     swept_values,
-    with_environment,
 )
 from epuckhebb.controller.ranges import check_values
 from epuckhebb.runs import evaluate_into, hydra, prepare_evaluation
@@ -113,7 +112,7 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Plan
     """List the jobs of a sweep, each composed and checked; two that would do the same are one."""
     own, of_hydra = split("sweep", arguments)
     named = [f"experiment={name}"]
-    command, own = configuration_of("evaluate", [*named, *own]), with_environment(own)
+    command, (_, *own) = for_hydra("evaluate", [*named, *own])
     check_words(command, own, several=True)
     no_launcher = [word for word in of_hydra if not word.startswith("hydra.launcher.")]  # it is chosen for the jobs
     params = swept_values([*named, *no_launcher], config_dir)

@@ -59,16 +59,14 @@ class Session:
         self.individual, self.lifetime = individual, Lifetime() if lifetime is None else lifetime
         self._simulator = simulator = Simulator(world, self.lifetime) if simulator is None else simulator
         self._phases = list(simulator.phases)
-        self._kind = kind = simulator.kind_of(individual.controller, individual.network)
+        self._kind = simulator.kind_of(individual.controller, individual.network)
         self._first = first = self._phases[0].scenario
         self._nominal = individual.nominal if individual.controller.adaptation.acts else None
         self._is_usual = self._nominal is None and individual.after is None
         self._record_every = self.lifetime.record_every if individual.record else 0
         self.life = self._initial_life(first)
-        self.samples = kind.no_samples
-        if self._record_every:
-            count = -(-self.lifetime.steps // self._record_every)
-            self.samples = empty_samples(count, individual.network, first.physics, len(world.phases))
+        count = -(-self.lifetime.steps // self._record_every) if self._record_every else 0
+        self.samples = empty_samples(count, individual.network, first.physics, len(world.phases))
         self._not_begun = {step: number for number, (step, _) in enumerate(world.phases)}
         self._history = fitness.initial_history(individual.controller.rule)
         if individual.after is not None:
@@ -233,7 +231,7 @@ class Session:
                 "history": self._history,
                 **({} if self._nominal is None else {"nominal": self._nominal}),
             },
-            **world_setup(self.world, individual.side, self._start, phase.faults),
+            **world_setup(self.world, individual.side, self._start),
             gain=float(lifetime.gain_rad_s),
             noise_level=float(lifetime.noise),
             record_every=self._record_every,

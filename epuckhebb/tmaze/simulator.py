@@ -19,7 +19,7 @@ from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.controller.plasticity.update import Workspace, controller_parts, workspace_for
 from epuckhebb.controller.random import normal_numbers
 from epuckhebb.tmaze.changes import AT_ONCE
-from epuckhebb.tmaze.faults import Faults, faults_of, sensor_faults
+from epuckhebb.tmaze.faults import faults_of, sensor_faults
 from epuckhebb.tmaze.fitness import initial_history, signal_number
 from epuckhebb.tmaze.individual import Controller, NoAdaptation
 from epuckhebb.tmaze.life import Lifetime
@@ -29,11 +29,9 @@ from epuckhebb.tmaze.maze import Pose, Region, Side
 from epuckhebb.tmaze.own_fitness import score_of, scored
 from epuckhebb.tmaze.physics.pymunk import mover_of_all
 from epuckhebb.tmaze.physics_engine import Space
-from epuckhebb.tmaze.robot import OUTPUTS, Robot
-from epuckhebb.tmaze.samples import Samples, empty_samples
+from epuckhebb.tmaze.robot import OUTPUTS
 from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.senses import SenseWorkspace, blinding, largest_distance_reading, sense_workspace, senses
-from epuckhebb.tmaze.task import Task
 
 _PAPER = Paper()
 _kernels: dict[tuple[object, ...], Any] = {}  # those that this process has used
@@ -41,13 +39,12 @@ _NOWHERE = Region(math.inf, -math.inf, math.inf, -math.inf)  # the arm of a task
 
 
 class Phase(NamedTuple):
-    """The world from a step on: its scenario, the space with its walls, and the faults of the robot."""
+    """The world from a step on: its scenario, and the space with its walls."""
 
     step: int
     scenario: Scenario
     space: Space
     walls: Floats
-    faults: Faults
 
 
 class Kind(NamedTuple):
@@ -65,7 +62,6 @@ class Kind(NamedTuple):
     signs: Floats | None
     workspace: Workspace
     senses: SenseWorkspace
-    no_samples: Samples
 
 
 class Simulator:
@@ -94,7 +90,7 @@ class Simulator:
             same = last and np.array_equal(last.walls, walls) and last.scenario.wall_friction == now.wall_friction
             space = last.space if last and same else now.physics.space(walls, now)
             has_begun = step < since and step > 0  # what was to happen at once has happened
-            phases.append(Phase(step, replace(now, **AT_ONCE) if has_begun else now, space, walls, faults_of(now)))
+            phases.append(Phase(step, replace(now, **AT_ONCE) if has_begun else now, space, walls))
         return phases
 
     def kernel(self, page: Callable[..., None], controller: Controller, network: Network) -> Any:
@@ -129,7 +125,6 @@ class Simulator:
             signs=None if rule.sign is Sign.shuffled else signs(rule.sign, network.synapses),
             workspace=workspace_for(network),
             senses=sense_workspace(robot, self.world.physics),
-            no_samples=empty_samples(0, network, self.world.physics),
         )
         return kind
 
@@ -151,7 +146,7 @@ def kernel_of(
     values = (rule, schedule, adaptation.parts, network, robot, type(task), scoring, physics)
     if (page, values) in _kernels:
         return _kernels[page, values]
-    check_inputs(network, robot, task)
+    check_inputs(network, world)
     parts = {
         "OUTPUT": network.first_output,
         "HAS_TRIALS": task.has_trials,
@@ -175,13 +170,13 @@ def kernel_of(
     return made
 
 
-def check_inputs(network: Network, robot: Robot, task: Task) -> None:
+def check_inputs(network: Network, world: Scenario) -> None:
     """Check that a network fits the sensors of a robot and the reward of its task; else a ValueError."""
-    wanted = robot.inputs + sum(group.count for group in task.inputs)
+    robot, task = world.robot, world.task
     reward = f" and the reward of task={task.name}" if task.gives_reward else ""
-    if network.inputs != wanted:
+    if network.inputs != world.inputs:
         raise ValueError(
-            f"network.layers must begin with {wanted}, the readings of robot {robot.name}{reward}, got "
+            f"network.layers must begin with {world.inputs}, the readings of robot {robot.name}{reward}, got "
             f"{list(network.layers)}"
         )
     if network.outputs != OUTPUTS:
@@ -191,8 +186,8 @@ def check_inputs(network: Network, robot: Robot, task: Task) -> None:
         )
 
 
-def world_setup(world: Scenario, side: Side, start: Pose, faults: Faults) -> dict[str, Any]:
-    """The fields of `Setup` that follow from a world. start: of each trial. faults: of this world."""
+def world_setup(world: Scenario, side: Side, start: Pose) -> dict[str, Any]:
+    """The fields of `Setup` that follow from a world. start: of each trial."""
     goals, maze, task = world.goals_now, world.maze, world.task
     lamp_on = side == "right" if world.lamp_on is None else world.lamp_on
     return {
@@ -202,7 +197,7 @@ def world_setup(world: Scenario, side: Side, start: Pose, faults: Faults) -> dic
         "goal_radius": float(maze.goal_radius_m),
         "arm": _NOWHERE if task.has_trials else Region(*map(float, maze.arms[side])),
         "arena": float(maze.arena_m),
-        "faults": faults,
+        "faults": faults_of(world),
         "terms": task.terms(goals, start),
         "fitness": world.fitness.numbers() if world.fitness.step else (),
     }

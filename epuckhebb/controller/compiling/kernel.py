@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+import numpy as np
 import platformdirs
 from numba.extending import register_jitable
 
@@ -34,6 +35,7 @@ if _settings.DISABLE_JIT:
     raise RuntimeError(
         "NUMBA_DISABLE_JIT is set, and without compiled code there is no physics here; unset it and start again"
     )
+MOST_CALLS = 16  # that are written out
 BUILDING_BLOCK: dict[str, Any] = {"forceinline": True, "pipeline_class": InlinedCompiler, **_OPTIONS}
 _building_block: Any = register_jitable(**BUILDING_BLOCK)
 _whole: Any = register_jitable(forceinline=True, **_OPTIONS)
@@ -62,12 +64,24 @@ one: Callable[..., float] = compiled(lambda *_: 1.0)
 def in_turn(function: Callable[..., None], constants: Iterable[tuple[int, ...]], arguments: str) -> Any:
     """A building block that calls another one in turn: with each of these constants, then with its own arguments.
 
-    The calls are written out, because numbers in the code become constants of the machine code.
+    A few calls are written out, because numbers in the code become constants of the machine code; many are a loop.
 
     arguments: their names, separated by commas.
     """
-    calls = "".join(f"function({', '.join(map(str, numbers))}, {arguments}), " for numbers in constants)
-    return compiled(eval(f"lambda {arguments}: ({calls})", {"function": compiled(function)}))
+    rows, parts = list(constants), {"function": compiled(function)}
+    if len(rows) <= MOST_CALLS:
+        calls = "".join(f"function({', '.join(map(str, numbers))}, {arguments}), " for numbers in rows)
+        return compiled(eval(f"lambda {arguments}: ({calls})", parts))
+    table, count = np.array(rows), len(rows)
+    numbers = ", ".join(f"table[k, {place}]" for place in range(len(rows[0])))
+    call = compiled(eval(f"lambda table, k, {arguments}: function({numbers}, {arguments})", parts))
+
+    @compiled
+    def loop(*given: Any) -> None:
+        for k in range(count):
+            call(table, k, *given)
+
+    return loop
 
 
 def kernel(function: Function, values: object, **parts: object) -> Function:

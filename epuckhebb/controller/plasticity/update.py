@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled, in_turn, nothing, one, zero
 from epuckhebb.controller.compiling.simd import WIDTH, alike, read, times, write
-from epuckhebb.controller.forward_pass import MOST_BLOCKS, forward_pass
+from epuckhebb.controller.forward_pass import forward_pass
 from epuckhebb.controller.network import Network, by_layer, tanh
 from epuckhebb.controller.own_class import call_of, namedtuple_of, number
 from epuckhebb.controller.plasticity.rule import (
@@ -68,8 +68,6 @@ _SINGLES: dict[int, Any] = {  # of one and one
 def _filled(network: Network, quantity: int) -> Fill:
     """The function that writes x_j, x_i or their product for every synapse into its row of the workspace."""
     four, single = _FOURS[quantity], _SINGLES[quantity]
-    if network.wiring is not None and len(network.connections) > MOST_BLOCKS:
-        return _filled_one_by_one(network, quantity)
 
     def fill_layer(
         pre: int,
@@ -89,18 +87,6 @@ def _filled(network: Network, quantity: int) -> Fill:
                 row[first + i * outputs + j] = single(activation, pre + i, post + j)
 
     fill: Fill = in_turn(fill_layer, network.vectors, "activation, room")
-    return fill
-
-
-def _filled_one_by_one(network: Network, quantity: int) -> Fill:
-    """The same for synapses in any order."""
-    (senders, receivers), count, single = network.joined, network.synapses, _SINGLES[quantity]
-
-    @compiled
-    def fill(activation: Floats, room: Floats) -> None:
-        for k in range(count):
-            room[quantity, k] = single(activation, senders[k], receivers[k])
-
     return fill
 
 
