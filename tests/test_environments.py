@@ -23,6 +23,7 @@ from epuckhebb.controller.plasticity.rules.abcd import ABCD
 from epuckhebb.runs.environments import Work, run_lifetimes
 from epuckhebb.runtime import ConfigError
 from epuckhebb.worlds.changes import CHANGES, Faults, apply
+from epuckhebb.worlds.environment import Environment, Lived, World
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "any_world" / "thermostat.py"
 CLIMBER = f"{EXAMPLE.parents[1] / 'own_optimizer' / 'hill_climber.py'}:HillClimber"
@@ -120,10 +121,26 @@ def test_show_figure_and_replay_know_an_environment():
 
 @pytest.mark.usefixtures("runs")
 def test_many_runs_get_one_table_over_champions():
+    done("evolve", *CARTPOLE)
+    assert "seed1, 1 lifetimes" in done("evaluate", "environment=cartpole", "repeats=1").stdout  # of the latest
     done("evaluate", "-m", "genome=plain,abcd", "repeats=2", "hydra.sweep.dir=many")
     table = pd.read_csv("many/summary.csv")
     assert list(table.controller[:2]) == ["without plasticity", "abcd (without plasticity)"]
     assert (table.champions == 1).all()
+
+
+def test_a_loss_that_comes_late_is_no_recovery_at_once():
+    changes = [{"at": 100, "length": 1.0}]
+    world = World(settings=Environment(name="x", horizon=400, changes=changes), make=None)
+
+    def recovery(rewards):
+        lived = Lived(np.array(rewards), 0.0, 0.0, 0.0, np.zeros(0), np.zeros(0))
+        return world.metrics(lived)["recovery_steps"]
+
+    assert recovery([1.0] * 400) == 0
+    assert recovery([1.0] * 150 + [0.0] * 50 + [1.0] * 200) == 95  # of 50 steps from there on, 45 are of 1
+    assert np.isnan(recovery([1.0] * 150 + [0.0] * 250))
+    assert np.isnan(recovery([1.0] * 300))  # it ended early
 
 
 def test_effects_are_those_of_scipy_on_means_of_champions():

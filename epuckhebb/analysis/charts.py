@@ -57,7 +57,13 @@ def in_margin(axes: Axes, text: str, height: float = 0.5) -> None:
 def too_few() -> Figure:
     """In place of a figure without a row."""
     figure = Figure(figsize=(5.2, 1.0))
-    figure.text(0.5, 0.5, f"Fewer than {LEAST} champions: no interval, and no figure.", ha="center", va="center")
+    figure.text(
+        0.5,
+        0.5,
+        f"Fewer than {LEAST} champions have such trials: no interval, and no figure.",
+        ha="center",
+        va="center",
+    )
     return figure
 
 

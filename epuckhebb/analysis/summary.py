@@ -14,7 +14,7 @@ import pandas as pd
 from epuckhebb.analysis import findings, rescue
 from epuckhebb.analysis.evaluate import MEANS
 from epuckhebb.analysis.lifetimes import is_of_plasticity
-from epuckhebb.analysis.statistics import bootstrap, mean, wilson, wilson_by_champion
+from epuckhebb.analysis.statistics import LEAST, bootstrap, mean, wilson, wilson_by_champion
 from epuckhebb.analysis.tables import Table, code, plain
 from epuckhebb.tmaze.individual import GA
 from epuckhebb.tmaze.maze import SIDES
@@ -177,16 +177,20 @@ def _success_table(summary: pd.DataFrame, of: str, interval_is: str) -> list[Tab
     same = summary.n.nunique() == 1
     rewarded = bool(_rewarded(summary))
     has_interval = not rewarded or f"{_REWARDED}_low" in summary
+    known = summary[f"{_REWARDED if rewarded else 'success'}_low"].notna().any() if has_interval else False
     rows: dict[tuple[str, ...], dict[str, str]] = {}
     for row in summary.to_dict("records"):
         place = tuple(plain(_cell(row[name])) for name in shown)
         value = f"{row[_REWARDED]:.3f}" if rewarded else f"{row['success']:.2f}"
         if has_interval:
             name, form = (_REWARDED, ".3f") if rewarded else ("success", ".2f")
-            value += f" [{row[f'{name}_low']:{form}}, {row[f'{name}_high']:{form}}]"
+            low, high = row[f"{name}_low"], row[f"{name}_high"]
+            value += "" if math.isnan(low) else f" [{low:{form}}, {high:{form}}]"
         rows.setdefault(place, {})[row["side"]] = value + ("" if same else f" of {row['n']}")
     facts = [of.format(summary.n.iloc[0])] if same else []
-    facts += [f"95 % interval{interval_is}"] if has_interval else []
+    facts += (
+        [f"95 % interval{interval_is}" if known else f"fewer than {LEAST} have no interval"] if has_interval else []
+    )
     title = "Rewarded share, by the end that is rewarded first" if rewarded else "Success"
     headings = [*shown, *(side if rewarded else f"success, {side}" for side in SIDES)]
     cells = [[*place, *(values.get(side, "") for side in SIDES)] for place, values in rows.items()]

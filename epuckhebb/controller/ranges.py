@@ -53,8 +53,16 @@ def within(
 def check(instance: Any, prefix: str = "") -> None:
     """Check all fields of a dataclass that have a range; else a ValueError. prefix: of its keys, if they have one.
 
-    The default may lie outside, as inf for never.
+    The default may lie outside, as inf for never. The name of a member of an enum becomes that member.
     """
+    for one in fields(instance):
+        value, members = getattr(instance, one.name), getattr(type(one.default), "__members__", {})
+        if members and type(value) is str:
+            if value not in members:
+                raise ValueError(
+                    f"{prefix and f'{prefix}.'}{one.name} must be one of {', '.join(members)}, got {value}"
+                )
+            object.__setattr__(instance, one.name, members[value])
     check_values(type(instance), {one.name: getattr(instance, one.name) for one in fields(instance)}, prefix)
 
 

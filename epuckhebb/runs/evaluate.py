@@ -34,8 +34,17 @@ from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, Rule, e
 from epuckhebb.controller.wiring import LAYERS, Wiring
 from epuckhebb.runs import hydra
 from epuckhebb.runs.notes import notes_of
-from epuckhebb.runtime import ConfigError, data_folder, refusing, saying_if_slow
-from epuckhebb.store import Genome, RunFolder, as_npz, digest, load_genome, traces_arrays
+from epuckhebb.runtime import LATEST, ConfigError, data_folder, refusing, saying_if_slow
+from epuckhebb.store import (
+    Genome,
+    RunFolder,
+    as_npz,
+    below_runs,
+    digest,
+    load_genome,
+    resolve_run,
+    traces_arrays,
+)
 from epuckhebb.tmaze.batch import load_kernel
 from epuckhebb.tmaze.individual import GA_ALONE, Controller
 from epuckhebb.tmaze.own_sensor import reading_names
@@ -220,7 +229,10 @@ def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:
     A robot that has no file, a wiring of the user's own, and champions of several are left to `prepare_evaluation`.
     """
     named = [word for word in words if word.startswith("genome=")]
-    if not named or any(word.startswith("environment=") for word in words):
+    if environment := [value_of(word) for word in words if word.startswith("environment=")]:
+        is_given = named or environment[-1] == "tmaze"
+        return words if is_given else [*words, f"genome={quoted(str(_latest_in(environment[-1])))}"]
+    if not named:
         return words
     (words_of,) = alternatives(named[-1:]).values()
     if evolution := environment_of_run(value_of(words_of[0])):
@@ -242,6 +254,14 @@ def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:
         return words
     own = {f"network.{key}": value for key, value in json.loads(settings).items() if f"network.{key}" not in keys}
     return [*words, f"network.wiring={wiring}", *typed_as(own)]
+
+
+def _latest_in(environment: str) -> Path:
+    """The newest evolution in an environment; a ConfigError if there is none."""
+    runs = [path for path in below_runs() if path.parts[1] == "evolve"]
+    own = [(path, environment_of_run(str(path)).get("environment", {})) for path in runs]
+    ours = [path for path, its in own if environment == its.get("name") or str(its.get("id")).endswith(environment)]
+    return ours[-1] if ours else resolve_run(LATEST, "evolve")
 
 
 @contextmanager

@@ -103,7 +103,8 @@ class Sweep(Study):
         files = {name: f"{name}.csv" for name in ("summary", "over_champions", "rescue_over_all")}
         if "return" in (own := run.table("summary.csv")):
             effects = [environments.readable_effects(run.table("effects.csv"))] if run.has("effects.csv") else []
-            return [environments.readable(own, "Mean over champions, with 95 % intervals"), *effects]
+            of = "champions" if (own.champions > 1).any() else "lifetimes of a champion"
+            return [environments.readable(own, f"Mean over {of}, with 95 % intervals"), *effects]
         return summary.readable({name: run.table(file) for name, file in files.items() if run.has(file)})
 
 

@@ -234,11 +234,11 @@ class World:
         rewards, split = lived.rewards, self.split
         before, after = rewards[:split], rewards[split:]
         recovery = math.nan
-        if self.settings.changes and len(before) and len(after) >= _WINDOW:
+        if self.settings.changes and len(before) and len(rewards) == self.settings.horizon and len(after) >= _WINDOW:
             wanted = before.mean() - (1 - _RECOVERED) * abs(before.mean())
-            mean = np.convolve(after, np.full(_WINDOW, 1 / _WINDOW), "valid")
-            recovered = np.flatnonzero(mean >= wanted)
-            recovery = float(recovered[0]) if len(recovered) else math.nan
+            is_less = np.convolve(after, np.full(_WINDOW, 1 / _WINDOW), "valid") < wanted
+            back = np.flatnonzero(~is_less[is_less.argmax() :])
+            recovery = float(is_less.argmax() + back[0]) if len(back) else math.nan
         return {
             "return": float(rewards.sum()),
             "steps": len(rewards),
