@@ -127,6 +127,10 @@ def test_many_runs_get_one_table_over_champions():
     table = pd.read_csv("many/summary.csv")
     assert list(table.controller[:2]) == ["without plasticity", "abcd (without plasticity)"]
     assert (table.champions == 1).all()
+    done("evaluate", "-m", "genome=abcd", "hebbian.N=0.01,0.1", "repeats=2", "hydra.sweep.dir=rates")
+    rates = pd.read_csv("rates/summary.csv").set_index("controller")
+    assert rates.lifetimes["abcd (without plasticity)"] == 2  # it is the same beside both rates
+    assert list(rates.N["abcd"]) == [0.01, 0.1]
 
 
 def test_a_loss_that_comes_late_is_no_recovery_at_once():

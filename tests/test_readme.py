@@ -56,6 +56,9 @@ def test_a_page_shows_what_its_command_prints(page, name, generated, here, monke
     printed = [line.rstrip() for line in done(*shlex.split(above[-1])).stdout.splitlines()]
     end = max(n for n, line in enumerate(printed) if " right " in line) + 1 if page == README else -1
     assert "\n".join(printed[end:]).count("Run folder: ") == 1
+    if page == README:
+        (count,) = re.findall(r"A showcase: (\d+ of \d+) champions", " ".join(printed[end:]))
+        assert f"A showcase: {count} do this." in README.read_text()
     generated(page, name, "\n".join(["```", *printed[:end], "```", ""]))
 
 

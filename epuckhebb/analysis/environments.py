@@ -1,25 +1,22 @@
 """Tables of lifetimes in environments: the return before and after a change, with intervals."""
 
 import itertools
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from epuckhebb.analysis.lifetimes import Evaluated, Gathered
 from epuckhebb.analysis.statistics import LEAST, bootstrap, difference, holm, mean
-from epuckhebb.analysis.tables import Table, plain
+from epuckhebb.analysis.tables import Table, plain, with_interval
 from epuckhebb.worlds.environment import Lived
 
 _RETURNS = ("return", "return_before", "return_after")
 _MEANS = (*_RETURNS, "steps", "recovery_steps", "weight_change_mean", "saturated_fraction")
 _WORLD = ("environment", "change")
-_OWN = ("genome", "seed", "environment", "environment.change", "environment.changes", "hebbian.N")  # have columns
-_NO_CONDITION = ("repeats", "environment.processes")  # keys that do not change what is evaluated
 _BINS = 50  # of a lifetime, in `lifetime.csv`
+_ROUND = 100  # from which on returns are read without decimals
 
 
 def over_lifetime(names: Sequence[str], lives: Sequence[Lived], horizon: int) -> list[dict[str, Any]]:
@@ -52,20 +49,6 @@ def over_lifetime(names: Sequence[str], lives: Sequence[Lived], horizon: int) ->
     return rows
 
 
-def gather(evaluations: Sequence[Evaluated]) -> Gathered:
-    """Put the lifetimes of many evaluations together; see `epuckhebb.analysis.lifetimes.gather`."""
-    keys = list(dict.fromkeys(key for one in evaluations for key in one.settings if key not in _OWN + _NO_CONDITION))
-    names = {(one.rows.genome.iloc[0], one.sha256) for one in evaluations}
-    twice = {name for name, count in Counter(name for name, _ in names).items() if count > 1}
-    frames = []
-    for one in evaluations:
-        first = {**one.place, **{key: one.settings.get(key, "") for key in keys}}
-        frame = pd.concat([pd.DataFrame(first, index=one.rows.index), one.rows], axis=1)
-        frame["genome"] = [f"{name}_{one.sha256[:8]}" if name in twice else name for name in frame.genome]
-        frames.append(frame)
-    return Gathered(pd.concat(frames, ignore_index=True), keys, "")
-
-
 def table(metrics: pd.DataFrame, by: Sequence[str] = ("controller", "N")) -> pd.DataFrame:
     """A row for each condition, with means and 95 % bootstrap intervals of returns.
 
@@ -83,14 +66,15 @@ def table(metrics: pd.DataFrame, by: Sequence[str] = ("controller", "N")) -> pd.
             row[column] = float(np.nanmean(values)) if np.isfinite(values).any() else np.nan
             if column in _RETURNS:
                 row[f"{column}_low"], row[f"{column}_high"] = bootstrap(mean, values)
+        row["recovered"] = int(own.recovery_steps.notna().sum())
         rows.append(row)
     return pd.DataFrame(rows)
 
 
 def tables(metrics: pd.DataFrame, settings: Sequence[str]) -> dict[str, pd.DataFrame]:
-    """The tables over many evaluations, by name. settings: columns of `gather` in which they differ."""
-    compared = effects(metrics, [*settings, *_WORLD])
-    rows = {"summary": table(metrics, [*settings, *_WORLD, "controller", "N"])}
+    """The tables over many evaluations, by name. settings: columns that name their condition, of `lifetimes.gather`."""
+    world = [*(name for name in settings if name not in ("genome", "N", *_WORLD)), *_WORLD]
+    compared, rows = effects(metrics, world), {"summary": table(metrics, [*world, "controller", "N"])}
     return rows if compared.empty else {**rows, "effects": compared}
 
 
@@ -127,8 +111,9 @@ def effects(metrics: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
                 found = (mean, values[0] - values[1]) if is_paired else (difference, *values)
                 kind = "samples" if is_paired else "independent"
                 p = stats.permutation_test(values, _of_means, permutation_type=kind, rng=0).pvalue
-                row = {"controller": name, "against": other, "is_paired": is_paired, "champions": len(ours)}
-                ends = dict(zip(("low", "high"), bootstrap(*found), strict=True))
+                row = {"controller": name, "against": other, "is_paired": is_paired}
+                row |= {"champions": len(ours), "others": len(theirs)}
+                ends = dict(zip(("effect_low", "effect_high"), bootstrap(*found), strict=True))
                 effect = {"effect": values[0].mean() - values[1].mean(), **ends, "p": float(p)}
                 rows.append(dict(zip(by, world, strict=True)) | row | effect)
     return pd.DataFrame(rows).assign(p_holm=holm([row["p"] for row in rows])) if rows else pd.DataFrame()
@@ -136,24 +121,19 @@ def effects(metrics: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
 
 def readable(rows: pd.DataFrame, title: str = "") -> Table:
     """That table to read."""
-
-    def cell(row: Mapping[str, Any], name: str) -> str:
-        value, low, high = (row[f"{name}{end}"] for end in ("", "_low", "_high"))
-        digits = 0 if abs(value) >= 100 else 1
-        return f"{value:.{digits}f}" + ("" if np.isnan(low) else f" [{low:.{digits}f}, {high:.{digits}f}]")
-
     before = list(rows)[: list(rows).index("champions")]
     first = [name for name in before if name == "controller" or (name != "N" and rows[name].nunique(dropna=False) > 1)]
     headings = [*first, "return", "before", "after", "recovery (steps)", "weight change"]
-    lines = [
-        [
+    lines = []
+    for _, row in rows.iterrows():
+        recovery = f"{row['recovery_steps']:.0f} ({row['recovered']} of {row['lifetimes']})"
+        line = [
             *(plain(str(row[name])) for name in first),
-            *(cell(row, name) for name in _RETURNS),
-            "–" if np.isnan(row["recovery_steps"]) else f"{row['recovery_steps']:.0f}",
+            *(with_interval(row, name, ".1f" if abs(row[name]) < _ROUND else ".0f") for name in _RETURNS),
+            recovery if row["recovered"] else "–",
             f"{row['weight_change_mean']:.3g}",
         ]
-        for row in rows.to_dict("records")
-    ]
+        lines.append(line)
     return Table(headings, lines, title, text=len(first), numbers=True)
 
 
@@ -163,11 +143,11 @@ def readable_effects(rows: pd.DataFrame) -> Table:
     lines = [
         [
             *(plain(str(row[name])) for name in first),
-            str(row["champions"]),
-            f"{row['effect']:+.1f} [{row['low']:+.1f}, {row['high']:+.1f}]",
+            f"{row['champions']}, {row['others']}",
+            with_interval(row, "effect", "+.1f"),
             f"{row['p_holm']:.2g}",
         ]
-        for row in rows.to_dict("records")
+        for _, row in rows.iterrows()
     ]
     headings = [*first, "champions", "difference", "Holm p"]
     title = "Return after the change: difference to controls, with 95 % intervals over champions"

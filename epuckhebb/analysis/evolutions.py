@@ -9,7 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from epuckhebb.analysis.statistics import bootstrap, mean
-from epuckhebb.analysis.tables import Table, plain
+from epuckhebb.analysis.tables import Table, plain, with_interval
 from epuckhebb.tmaze.robot import STEP_S
 
 _NEVER = 1e12  # robot-hours; more than any evolution has
@@ -55,19 +55,13 @@ def readable(table: pd.DataFrame) -> Table:
     cost = "robot_hours" if "robot_hours" in table else "robot_steps"
     names = [name for name in _HEADINGS if name in table]
     rows = []
-    for row in table.to_dict("records"):
-        cells = [_with_interval(row, name) for name in names]
+    for _, row in table.iterrows():
+        cells = [with_interval(row, name, ".3g") for name in names]
         if "n_reached" in row:
             cells[-1] += f" ({row['n_reached']} of {row['n']})"
         rows.append([*(plain(str(row[key])) for key in settings), str(row["n"]), *cells, f"{row[cost]:.4g}"])
     headings = [*map(plain, settings), "n", *(_HEADINGS[name] for name in names), plain(cost)]
     return Table(headings, rows, "Evolutions: means over seeds, 95 % intervals", text=len(settings))
-
-
-def _with_interval(row: Mapping[Any, Any], name: str) -> str:
-    value, low, high = row[name], row[f"{name}_low"], row[f"{name}_high"]
-    interval = "" if math.isnan(low) else f" [{low:.3g}, {'–' if math.isnan(high) else f'{high:.3g}'}]"
-    return ("–" if math.isnan(value) else f"{value:.3g}") + interval
 
 
 def _hours(history: pd.DataFrame, fitness: float | None) -> float:

@@ -20,8 +20,12 @@ OWN_COLUMN = {  # keys that metrics.csv has a column for
     "scenario.obstacles": "obstacles",
     "hebbian.N": "N",
     "hebbian.signal": "signal",
+    "environment": "environment",
+    "environment.change": "change",
+    "environment.changes": "change",
 }
-_NO_CONDITION = ("seed", "repeats", "threads", "lifetime.record_every")  # keys that do not change what is evaluated
+# Keys that do not change what is evaluated.
+_NO_CONDITION = ("seed", "repeats", "threads", "environment.processes", "lifetime.record_every")
 _LIFETIME = ["_id", "side", "repeat", "seed"]
 
 
@@ -62,7 +66,7 @@ def gather(evaluations: Sequence[Evaluated]) -> Gathered:
     for number, one in enumerate(evaluations):
         first = {**one.place, **{_column(key): one.settings.get(key, "") for key in more}}
         frame = pd.concat([pd.DataFrame(first, index=one.rows.index), one.rows], axis=1)
-        frame["genome"] = names[frame.experiment.iloc[0], one.sha256]
+        frame["genome"] = names[_where(one), one.sha256]
         for column in (_column(key) for key in keys if is_of_plasticity(key) and key != "hebbian.N"):
             alone = frame.controller == GA
             frame[column] = [ANY if is_alone else value for is_alone, value in zip(alone, frame[column], strict=True)]
@@ -70,10 +74,15 @@ def gather(evaluations: Sequence[Evaluated]) -> Gathered:
     if not frames:
         return Gathered(pd.DataFrame(columns=[*place, *map(_column, more), *COLUMNS]), [], "")
     whole = pd.concat(frames, ignore_index=True)
-    again = whole.duplicated(_LIFETIME)
+    again = whole.duplicated([name for name in _LIFETIME if name in whole])  # an environment has no sides
     rows = whole[~again].drop(columns=["_id", "_number"]).reset_index(drop=True)
     settings = list(dict.fromkeys(map(_column, keys)))
     return Gathered(rows, settings, repeated(len(set(whole._number) - set(whole._number[~again]))))
+
+
+def _where(one: Evaluated) -> str:
+    """The experiment of an evaluation, or its environment."""
+    return str(one.rows["environment" if "environment" in one.rows else "experiment"].iloc[0])
 
 
 def _column(key: str) -> str:
@@ -87,10 +96,10 @@ def is_of_plasticity(key: str) -> bool:
 
 
 def _names(evaluations: Sequence[Evaluated]) -> dict[tuple[str, str], str]:
-    """A name for each genome, by experiment and SHA-256: its first name, and the SHA-256 where two share it."""
+    """A name for each genome, by experiment or environment and SHA-256: its first name, and that where two share it."""
     names: dict[tuple[str, str], str] = {}
     for one in evaluations:
-        names.setdefault((one.rows.experiment.iloc[0], one.sha256), one.rows.genome.iloc[0])
+        names.setdefault((_where(one), one.sha256), one.rows.genome.iloc[0])
     shared = Counter((experiment, name) for (experiment, _), name in names.items())
     return {
         (experiment, sha256): name if shared[experiment, name] == 1 else f"{name}_{sha256[:8]}"

@@ -15,7 +15,7 @@ from epuckhebb.analysis import findings, rescue
 from epuckhebb.analysis.evaluate import MEANS
 from epuckhebb.analysis.lifetimes import is_of_plasticity
 from epuckhebb.analysis.statistics import LEAST, bootstrap, mean, wilson, wilson_by_champion
-from epuckhebb.analysis.tables import Table, code, plain
+from epuckhebb.analysis.tables import Table, code, plain, with_interval
 from epuckhebb.tmaze.individual import GA
 from epuckhebb.tmaze.maze import SIDES
 from epuckhebb.tmaze.scenario import TRAINED
@@ -184,8 +184,7 @@ def _success_table(summary: pd.DataFrame, of: str, interval_is: str) -> list[Tab
         value = f"{row[_REWARDED]:.3f}" if rewarded else f"{row['success']:.2f}"
         if has_interval:
             name, form = (_REWARDED, ".3f") if rewarded else ("success", ".2f")
-            low, high = row[f"{name}_low"], row[f"{name}_high"]
-            value += "" if math.isnan(low) else f" [{low:{form}}, {high:{form}}]"
+            value = with_interval(pd.Series(row), name, form)
         rows.setdefault(place, {})[row["side"]] = value + ("" if same else f" of {row['n']}")
     facts = [of.format(summary.n.iloc[0])] if same else []
     facts += (

@@ -136,7 +136,9 @@ def with_interval(row: Any, name: str, form: str = ".2f", unit: str = "") -> str
     value, low, high = (getattr(row, key, math.nan) for key in (name, f"{stem}low", f"{stem}high"))
     if math.isnan(value):
         return "–"
-    return f"{value:{form}}{unit}" + ("" if math.isnan(low) else f" [{low:{form}}, {high:{form}}]")
+    return f"{value:{form}}{unit}" + (
+        "" if math.isnan(low) else f" [{low:{form}}, {'–' if math.isnan(high) else f'{high:{form}}'}]"
+    )
 
 
 def rates(of: Sequence[tuple[str, float]]) -> str:

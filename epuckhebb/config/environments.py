@@ -164,10 +164,10 @@ def _function(text: Any) -> Callable[[Any], None]:
     """A change that is a function of the user's, of an environment."""
     file, _, name = str(text).rpartition(":")
     key = f"environment.changes: {FUNCTION}"
-    function = getattr(load(path_of(file, key), key).module, name, None)
+    function: Callable[[Any], None] | None = getattr(load(path_of(file, key), key).module, name, None)
     if not callable(function):
         raise ConfigError(f"{key} must be FILE.py:NAME, a function of an environment, got {text}")
-    return function  # type: ignore[no-any-return]
+    return function
 
 
 def _network(world: World, made: Layers | Wiring) -> Network:

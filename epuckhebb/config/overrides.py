@@ -29,11 +29,8 @@ _FORCED_DIR = re.compile(rf"^\+\+(?={RUN_DIR}|{SWEEP_DIR})")
 _PLAIN = re.compile(r"[A-Za-z0-9_./:%@+-]+")  # what needs no quotes as the value of an override
 _BELOW = tuple(f"{key}." for key in OPEN)  # the schema does not know what keys there are
 OF_ENVIRONMENT = "_environment"  # ends the names of the configurations that are not of the maze
-_ENVIRONMENT, _MAZE, ANY = (
-    "environment=",
-    "environment=tmaze",
-    "gym",
-)  # ANY: the row of environments without one of their own
+_ENVIRONMENT, _MAZE = "environment=", "environment=tmaze"
+ANY = "gym"  # the row of environments without one of their own
 _MOST_JOBS = 100_000  # of one call
 
 

@@ -126,11 +126,12 @@ class Search:
             return getattr(self._optimizer, method)(*arguments, **named)
 
 
-def check_start(optimizer: Algorithm, plan: GenomePlan, seed: int, start: Floats | None = None) -> None:
-    """Check that an optimizer starts, and asks for the same genomes when it is started again."""
-    first, again = (Search(optimizer, plan, seed, start=start).ask() for _ in range(2))
-    if not np.array_equal(first, again):
+def check_start(optimizer: Algorithm, plan: GenomePlan, seed: int, start: Floats | None = None) -> Search:
+    """A search that has begun; a PartError if it asks for other genomes when it is started again."""
+    search, again = (Search(optimizer, plan, seed, start=start) for _ in range(2))
+    if not np.array_equal(search.ask(), again.ask()):
         raise PartError(
             f"optimizer {optimizer.name} asks for other genomes with the same seed, so no run could be repeated; draw "
             "all random numbers from the seed that `start` is given"
         )
+    return search

@@ -41,8 +41,8 @@ class Training:
     but the first), one wheel turns at a share of its speed from `wheel`. season: so many generations in the scenario
     are followed by as many in the training world of its experiment, and so on; None for the scenario alone. rehearsal:
     the last loops of a generation, in that training world. lamarckian: whether individuals inherit the weights with
-    which their lifetimes ended, as a mean. rule_off: whether the fittest runs fresh
-    lifetimes, with plasticity and without.
+    which their lifetimes ended, as a mean. rule_off: whether the fittest runs fresh lifetimes, with plasticity and
+    without.
     """
 
     name: str = ""

@@ -66,4 +66,4 @@ class LiveFlock:
         poses, weights, broken = self._run.motion[:, :3].tolist(), self._run.weights.tolist(), self._run.broken
         return {"poses": poses, "weights": weights, "coupling": self._coupling, "broken": broken, "steps": self.steps}
 
-    shown = property(state, doc="Pages are told of the flock when this is another one.")
+    shown = property(state, doc="When this is another one, pages get the flock anew.")

@@ -74,7 +74,7 @@ class LiveWorld:
 
     @property
     def shown(self) -> object:
-        """Pages are told of the world when this is another one."""
+        """When this is another one, pages get the world anew."""
         return self.robots[0].world
 
     @property

@@ -32,7 +32,7 @@ from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.plasticity.control import Sign, signs
 from epuckhebb.controller.random import Stream
 from epuckhebb.evolution.evolve import Generation, search_generations
-from epuckhebb.evolution.search import Search, check_start
+from epuckhebb.evolution.search import check_start
 from epuckhebb.runs import hydra
 from epuckhebb.runs.evaluate import check_rules, compiling, prepare_evaluation, write_figure
 from epuckhebb.runs.evolve import PreparedEvolution, prepare_evolution
@@ -173,8 +173,8 @@ class PreparedEnvironmentEvolution(PreparedEvolution):
 def _(config: EvolveEnvironment, *, has_genome: bool = True) -> PreparedEnvironmentEvolution:  # noqa: ARG001
     network = config.network_made
     with refusing():
-        check_start(config.algorithm, config.plan, config.seed)
-    if Search(config.algorithm, config.plan, config.seed).measures:
+        search = check_start(config.algorithm, config.plan, config.seed)
+    if search.measures:
         raise ConfigError(f"optimizer {config.algorithm.name}: `tell` gets fitness alone in an environment")
     return PreparedEnvironmentEvolution(config=config, network=network, plan=plan_of(network, type(config.rule)))
 

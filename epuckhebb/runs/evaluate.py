@@ -258,10 +258,11 @@ def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:
 
 def _latest_in(environment: str) -> Path:
     """The newest evolution in an environment; a ConfigError if there is none."""
-    runs = [path for path in below_runs() if path.parts[1] == "evolve"]
-    own = [(path, environment_of_run(str(path)).get("environment", {})) for path in runs]
-    ours = [path for path, its in own if environment == its.get("name") or str(its.get("id")).endswith(environment)]
-    return ours[-1] if ours else resolve_run(LATEST, "evolve")
+    for path in reversed([path for path in below_runs() if path.parts[1] == "evolve"]):
+        its = environment_of_run(str(path)).get("environment", {})
+        if environment == its.get("name") or str(its.get("id")).endswith(environment):
+            return path
+    return resolve_run(LATEST, "evolve")
 
 
 @contextmanager

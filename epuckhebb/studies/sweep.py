@@ -88,7 +88,7 @@ class Sweep(Study):
         """Write `sweep.csv`, `failed.csv` and the tables over all; the same jobs give bit-identical files."""
         failed = [{**_place(job), **job.settings, "error": error} for job, error in outcome.failures]
         folder.write("failed.csv", pd.DataFrame(failed, columns=list(failed[0]) if failed else ["job", "run", "error"]))
-        gathered = _gather([_evaluated(folder.path / job.run, job.settings, _place(job)) for job in outcome.done])
+        gathered = gather([_evaluated(folder.path / job.run, job.settings, _place(job)) for job in outcome.done])
         folder.write("sweep.csv", gathered.rows)
         _write_over_all(folder.path, folder.write, gathered)
         folder.failure = planned.failure(outcome)
@@ -171,7 +171,7 @@ def write_summary_of_multirun(folder: Path, finished: Sequence[Path]) -> None:
         Job(number=number, overrides=Run(path).provenance["overrides"], run=path.name, config={})
         for number, path in enumerate(finished)
     ]
-    gathered = _gather([_evaluated(folder / job.run, job.settings, {}) for job in jobs])
+    gathered = gather([_evaluated(folder / job.run, job.settings, {}) for job in jobs])
     _write_over_all(folder, lambda name, content: write_atomic(folder / name, as_bytes(content)), gathered)
 
 
@@ -213,11 +213,6 @@ def _write_over_all(folder: Path, write: Callable[[str, bytes | str | pd.DataFra
 
         for name, figure in drawn.items():
             write(f"figures/{name}.png", image(figure))
-
-
-def _gather(evaluations: list[Evaluated]) -> Gathered:
-    is_of_environment = any("environment" in one.rows for one in evaluations)
-    return environments.gather(evaluations) if is_of_environment else gather(evaluations)
 
 
 def _evaluated(path: Path, settings: Mapping[str, str], place: Mapping[str, str]) -> Evaluated:
