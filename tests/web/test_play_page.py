@@ -404,6 +404,6 @@ def test_no_frame_takes_above_33_ms_with_all_figures_in_sight(play):
     for name, values in (("between frames", gaps), ("in a picture", costs)):
         half, most = np.percentile(values, (50, 95))
         print(f"{name}: median {half:.1f}, 95 % {most:.1f}, longest {max(values):.1f} ms")
-    assert len(gaps) > 10  # it is drawn at all
+    assert len(gaps) > 40  # it is drawn at all
     assert np.median(costs) < 16
     assert np.percentile(costs, 95) < 33
