@@ -1,1 +1,1 @@
-"""Robots that listen to each other: on a plane, or in one maze."""
+"""Robots that listen to each other: on a plane."""

@@ -19,7 +19,7 @@ from epuckhebb.tmaze.maze import Pose, Region
 from epuckhebb.tmaze.physics_engine import Handles, is_lost, pose
 from epuckhebb.tmaze.robot import STEP_S
 from epuckhebb.tmaze.samples import Samples
-from epuckhebb.tmaze.sensors import NO_ROBOTS, Goal
+from epuckhebb.tmaze.sensors import Goal
 
 CONTACT = 0.8  # a distance reading above this counts as contact, as in the published code
 
@@ -39,7 +39,7 @@ def live(life: Life, setup: Setup, space: Handles, until: int) -> None:
 
     for step in range(tally.step, until):
         cos, sin = math.cos(at.heading), math.sin(at.heading)
-        left, right = decide(life, setup, space, NO_ROBOTS, at, cos, sin, step)
+        left, right = decide(life, setup, space, at, cos, sin, step)
 
         # Move.
         left, right = turn_wheels(setup.faults, tally, life.past, left, right, setup.gain, life.key, step)
@@ -58,17 +58,13 @@ def live(life: Life, setup: Setup, space: Handles, until: int) -> None:
 
 
 def decide(
-    life: Life, setup: Setup, space: Handles, robots: Floats, at: Pose, cos: float, sin: float, step: int
+    life: Life, setup: Setup, space: Handles, at: Pose, cos: float, sin: float, step: int
 ) -> tuple[float, float]:
-    """Sense, act, score and learn at a pose; returns the outputs for the left and the right wheel.
-
-    It moves nothing, so that robots which share a space can all decide before any of them moves. robots: all that
-    share it, as `epuckhebb.tmaze.sensors.Surroundings` has them.
-    """
+    """Sense, act, score and learn at a pose; returns the outputs for the left and the right wheel."""
     tally, weights, activation, workspace = life.tally[0], life.weights, life.activation, life.workspace
 
     # Sense.
-    perceive(life, setup, space, robots, at, cos, sin, activation)
+    perceive(life, setup, space, at, cos, sin, activation)
     scale(life, setup, step)
 
     # Act.
@@ -121,15 +117,13 @@ def decide(
     return left, right
 
 
-def perceive(
-    life: Life, setup: Setup, space: Handles, robots: Floats, at: Pose, cos: float, sin: float, readings: Floats
-) -> None:
+def perceive(life: Life, setup: Setup, space: Handles, at: Pose, cos: float, sin: float, readings: Floats) -> None:
     """Fill the inputs of the network, as sensors and task give them: with noise and faults."""
     tally, noise = life.tally[0], life.senses.noise
     if setup.noise_level > 0.0:
         draw_noise(life.key, tally.step, noise)
     goal = Goal(setup.goal_x, setup.goal_y, tally.goal_distance)
-    sense(at.x, at.y, cos, sin, space, setup.lit, noise, setup.noise_level, life.senses, readings, goal, robots)
+    sense(at.x, at.y, cos, sin, space, setup.lit, noise, setup.noise_level, life.senses, readings, goal)
     apply_sensor_faults(readings, setup.faults, life.past, tally.step)
     blind(readings, setup.faults.dead_sensors)
     reward_input(readings, tally.reward)
@@ -152,7 +146,7 @@ def look(life: Life, setup: Setup, space: Handles, readings: Floats) -> None:
     """Fill the inputs that the next step will have: its noise is numbered, so it is the same then."""
     tally, at = life.tally[0], pose(space)
     tally.goal_distance = to_goal(setup, at.x, at.y)
-    perceive(life, setup, space, NO_ROBOTS, at, math.cos(at.heading), math.sin(at.heading), readings)
+    perceive(life, setup, space, at, math.cos(at.heading), math.sin(at.heading), readings)
 
 
 @compiled

@@ -13,7 +13,7 @@ from epuckhebb.controller.random import noise_workspace_size
 from epuckhebb.tmaze.light import Lights
 from epuckhebb.tmaze.physics_engine import Handles, Physics
 from epuckhebb.tmaze.robot import Robot
-from epuckhebb.tmaze.sensors import NO_GOAL, NO_ROBOTS, Goal, Place, RimSensors, Surroundings
+from epuckhebb.tmaze.sensors import NO_GOAL, Goal, Place, RimSensors, Surroundings
 
 Sense = Callable[..., None]
 
@@ -38,10 +38,10 @@ def sense_workspace(robot: Robot, physics: Physics) -> SenseWorkspace:
 
 @cache
 def senses(robot: Robot, physics: Physics) -> Sense:
-    """The function `sense(x, y, cos, sin, space, lit, noise, noise_level, workspace, readings, goal, robots)`.
+    """The function `sense(x, y, cos, sin, space, lit, noise, noise_level, workspace, readings, goal)`.
 
-    It fills the readings, (inputs,), from the pose of the robot, its space, the lights, standard normal
-    noise, one number for each input, the noise level, 1 for the sensors' own, the goal, and the robots in its space.
+    It fills the readings, (inputs,), from the pose of the robot, its space, the lights, standard normal noise, one
+    number for each input, the noise level, 1 for the sensors' own, and the goal.
     """
     rings = _rings(robot)
     parts: dict[str, Any] = {"put_rays": physics.put_rays(robot)}
@@ -75,9 +75,8 @@ def senses(robot: Robot, physics: Physics) -> Sense:
         workspace: SenseWorkspace,
         readings: Floats,
         goal: Goal = NO_GOAL,
-        robots: Floats = NO_ROBOTS,
     ) -> None:
-        around = Surroundings(x, y, cos, sin, space.walls, lit, noise, noise_level, goal, robots)
+        around = Surroundings(x, y, cos, sin, space.walls, lit, noise, noise_level, goal)
         feel(space, x, y, cos, sin, around, workspace.rays, workspace.scratch, readings)
 
     return sense

@@ -68,15 +68,13 @@ class Goal(NamedTuple):
 
 
 NO_GOAL = Goal(math.nan, math.nan, math.nan)
-NO_ROBOTS: Floats = np.zeros((0, 6))  # of a robot that is alone
 
 
 class Surroundings(NamedTuple):
     """What sensors can sense. x, y: the robot's place [m]. cos, sin: of its heading. walls: (boxes, 4) edges [m].
 
     lit: the lights. goal: of this lifetime. noise: standard normal numbers, one for each input. noise_level: 1 for the
-    sensors' own noise, 0 for none. robots: (robots, 6), of all that share the space, itself included, as in
-    `epuckhebb.tmaze.physics`; the first two columns are x, y [m].
+    sensors' own noise, 0 for none.
     """
 
     x: float
@@ -88,7 +86,6 @@ class Surroundings(NamedTuple):
     noise: Floats
     noise_level: float
     goal: Goal
-    robots: Floats
 
 
 Irradiance = Callable[[Floats, int, light.Lights], float]  # on sensor i, by its ray
@@ -225,7 +222,6 @@ class DistanceSensors(RimSensors):
         @compiled
         def look(around: Surroundings, rays: Floats, scratch: Floats) -> None:
             cast(around.x, around.y, rays, count, around.walls, reach, scratch)
-            cast_at_robots(around.x, around.y, rays, count, around.robots, radius_m, reach, scratch)
 
         @compiled
         def read(around: Surroundings, rays: Floats, scratch: Floats, readings: Floats) -> None:
@@ -293,26 +289,3 @@ def cast(x: float, y: float, rays: Floats, count: int, boxes: Floats, reach: flo
             leave = min(max(to_left, to_right), max(to_bottom, to_top))
             if leave >= max(0.0, enter):
                 distance[i] = min(distance[i], max(0.0, enter))
-
-
-@compiled
-def cast_at_robots(
-    x: float, y: float, rays: Floats, count: int, robots: Floats, radius: float, reach: float, distance: Floats
-) -> None:
-    """Shorten `distance` [m] where a ray meets the rim of another robot, a disc of this radius [m].
-
-    The robot that senses stands at (x, y), and no other can. A ray that starts inside a disc has distance 0.
-    """
-    near = (reach + radius) * (reach + radius)
-    for robot in range(robots.shape[0]):
-        to_x, to_y = robots[robot, 0] - x, robots[robot, 1] - y
-        if (to_x == 0.0 and to_y == 0.0) or to_x * to_x + to_y * to_y > near:
-            continue
-        for i in range(count):
-            from_x, from_y = robots[robot, 0] - rays[0, i], robots[robot, 1] - rays[1, i]
-            along = from_x * rays[2, i] + from_y * rays[3, i]
-            inside = radius * radius - (from_x * from_x + from_y * from_y)
-            if inside >= 0.0:
-                distance[i] = 0.0
-            elif along > 0.0 and along * along + inside >= 0.0:
-                distance[i] = min(distance[i], along - math.sqrt(along * along + inside))

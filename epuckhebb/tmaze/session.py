@@ -179,11 +179,11 @@ class Session:
         kernel(self.life, self.setup, self._space.handles, readings)
         return readings
 
-    def outcome(self, pose: Pose | None = None) -> Outcome:
-        """The metrics of the lifetime so far, of one step or more. pose: of a robot that is in another's space."""
+    def outcome(self) -> Outcome:
+        """The metrics of the lifetime so far, of one step or more."""
         at_start = min(math.dist(self._start[:2], goal) for goal in self._first.goals_now.values())
         bound = bound_of(self.individual.controller.rule)
-        return outcome_of(self.life, self.world, at_start, bound, pose or self.pose)
+        return outcome_of(self.life, self.world, at_start, bound, self.pose)
 
     def _has_ended(self) -> bool:
         return len(self.life.trials) > 0 and bool(self.life.tally[0]["over"])
@@ -244,9 +244,9 @@ class Session:
             live(self.life, self.setup, self._space.handles, until)
         except Exception as error:  # machine code raises nothing, so it comes from compiling
             raise explained(own_parts(self.individual, self.world), error) from error
-        self.check()
+        self._check()
 
-    def check(self) -> None:
+    def _check(self) -> None:
         """Check that the lifetime still has finite numbers."""
         life, who, tally = self.life, self.individual, tally_of(self.life)
         for group, scratch in zip(self.world.robot.sensors, life.senses.scratch, strict=True):

@@ -27,7 +27,6 @@ from epuckhebb.tmaze.lifetime import decide, live, perceive, settle
 from epuckhebb.tmaze.light import lights
 from epuckhebb.tmaze.maze import Pose, Region, Side
 from epuckhebb.tmaze.own_fitness import score_of, scored
-from epuckhebb.tmaze.physics.pymunk import mover_of_all
 from epuckhebb.tmaze.physics_engine import Space
 from epuckhebb.tmaze.robot import OUTPUTS
 from epuckhebb.tmaze.scenario import Scenario
@@ -137,7 +136,7 @@ def kernel_of(
     page: Callable[..., None] = live,
     schedule: Schedule = EVERY_STEP,
 ) -> Any:
-    """`live`, or another page that takes the parts of a lifetime (`look`, `decide_one`), compiled or from the cache.
+    """`live`, or another page that takes the parts of a lifetime (`look`), compiled or from the cache.
 
     schedule: of the rule. Of the world only robot, task, fitness and physics matter, and of adaptation, task and
     fitness only the functions.
@@ -161,7 +160,6 @@ def kernel_of(
         "apply_sensor_faults": sensor_faults(robot),
         **task.hooks(robot.inputs)._asdict(),
         "move": physics.mover(robot),
-        "move_all": mover_of_all(robot),
         "record_tilt": physics.record_tilt(),
     }
     for block in (perceive, decide, settle):
