@@ -146,6 +146,21 @@ def controllers(*words):
     return typed(composed("evaluate", list(words)), EvaluateConfig).controllers
 
 
+@pytest.mark.parametrize(
+    ("words", "rule", "rate"),
+    [
+        (["hebbian=oja", "hebbian.N=0.0003"], "Oja", 0.0003),
+        (["hebbian=mild"], "Paper", 0.0002),
+        (["hebbian=none"], "Paper", 0.002),
+        (["adaptation=wall_following"], "Paper", 0.002),
+    ],
+    ids=["own rule", "own rate", "no rule", "an adaptation without a rule"],
+)
+def test_what_is_compared_differs_from_the_rule_of_the_run(words, rule, rate):
+    *_, control = controllers("scenario=lowlight", *words, "compare.control={sign: shuffled}")
+    assert (type(control.rule).__name__, control.rule.N, control.rule.sign.name) == (rule, rate, "shuffled")
+
+
 def test_what_is_compared_by_its_name_is_what_the_name_alone_gives():
     main, *others = controllers("scenario=lowlight", "compare=[late,find_and_stay,homeostasis,oja,mild]")
     assert main.name == "Hebbian"

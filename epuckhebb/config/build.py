@@ -91,13 +91,15 @@ def controller_of(rule: Rule, adaptation: Adaptation, called: str | None = None)
     return Controller(name=name, rule=rule, adaptation=adaptation)
 
 
-def compared(name: str, settings: Any, paper_rate: float) -> Controller:
-    """The controller that stands below `compare`: settings are what differs from the paper's rule.
+def compared(name: str, settings: Any, hebbian: Mapping[str, Any], paper_rate: float) -> Controller:
+    """The controller that stands below `compare`: settings are what differs from the rule of the run, in `hebbian`.
 
-    They may have `adaptation`, a mapping with the keys of the group (its name has been looked up before).
+    They differ from the paper's rule if the run has none, and are complete if they name a rule. They may have
+    `adaptation`, a mapping with the keys of the group (its name has been looked up before).
     """
-    key = f"compare.{name}"
-    own = {"rule": PAPER, **converted(key, settings, dict[str, Any])}
+    key, own = f"compare.{name}", converted(f"compare.{name}", settings, dict[str, Any])
+    if "rule" not in own:
+        own = {**({"rule": PAPER} if hebbian.get("rule") == NONE else hebbian), **own}
     given, place = own.pop("adaptation", None) or {}, f"{key}.adaptation"
     given = part_settings(Adaptation, given, place, "an adaptation", change_signal=str)
     if own["rule"] != NONE:

@@ -104,7 +104,7 @@ def _make_changes(cfg: DictConfig, choices: dict[str, str], config_dir: str | No
 def _compared(name: str, given: Any, config_dir: str | None) -> tuple[str, Any]:
     """What is compared, by its name; a name alone stands for the adaptation or the rule of this name."""
     if given is None and name in (NONE, PAPER):  # the run has it anyway
-        return HEBBIAN, {}
+        return HEBBIAN, {"rule": PAPER}
     try:
         if given is None:
             file = Path(config_dir or ".", "adaptation", f"{name}.yaml")

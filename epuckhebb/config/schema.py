@@ -151,7 +151,7 @@ class EvaluateConfig(WorldConfig):
     genome: str = "reference"
     repeats: int = within(1, default=10)
     adaptation: Adaptation = field(default_factory=Adaptation)
-    compare: dict[str, Any] = field(default_factory=dict)  # name -> what differs from the paper's rule
+    compare: dict[str, Any] = field(default_factory=dict)  # name -> what differs from the rule of `hebbian`
 
     def __post_init__(self) -> None:
         """Validate the settings."""
@@ -159,7 +159,8 @@ class EvaluateConfig(WorldConfig):
         self.adaptation = build.with_signal(self.adaptation)
         main = build.controller_of(self.rule, self.adaptation, self.hebbian.get("name"))
         given = build.with_controls(main, self.world.task)
-        others = [build.compared(name, settings, self.scenario.paper_N) for name, settings in self.compare.items()]
+        rule, rate = self.hebbian, self.scenario.paper_N
+        others = [build.compared(name, settings, rule, rate) for name, settings in self.compare.items()]
         self.controllers = [*given, *(other for other in others if other != main)]
         names = [GA_ALONE.name, *(controller.name for controller in self.controllers)]
         twice = next((name for name in names if names.count(name) > 1), None)
