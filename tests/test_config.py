@@ -10,9 +10,8 @@ import yaml
 from cases import done
 from hydra import compose, initialize_config_dir
 
-from epuckhebb.cli.options import with_genomes_named
 from epuckhebb.config.compose import composed, configurations
-from epuckhebb.config.overrides import alternatives, for_hydra
+from epuckhebb.config.overrides import alternatives, for_hydra, readable
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, typed
 from epuckhebb.runtime import ConfigError
 from epuckhebb.runtime.conf import groups
@@ -69,9 +68,9 @@ def test_one_evaluation_opens_a_file_of_settings_at_most_twice():
 
 
 def test_the_champions_between_two_are_named():
-    given = ["genome=reference_1,...,reference_4,mine.npz", "seed=1,...,3"]
-    named = ["genome=reference_1,reference_2,reference_3,reference_4,mine.npz", "seed=1,2,3"]
-    assert with_genomes_named(given) == named
+    given = ["genome=reference_1,...,reference_4,mine/9,...,mine/11", "seed=1,...,3"]
+    named = ["genome=reference_1,reference_2,reference_3,reference_4,mine/9,mine/10,mine/11", "seed=1,2,3"]
+    assert readable(given) == named
 
 
 # What is compared, and what is called how

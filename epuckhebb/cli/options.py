@@ -2,7 +2,6 @@
 
 import functools
 import inspect
-import re
 import sys
 from collections.abc import Callable
 from contextlib import nullcontext, redirect_stdout
@@ -16,9 +15,7 @@ from typer.core import TyperCommand
 
 from epuckhebb.cli import completion
 from epuckhebb.cli.console import Terminal, json_text, report_errors
-from epuckhebb.runtime import LATEST, REFERENCE, be_quiet
-
-_FROM_TO = re.compile(rf"({REFERENCE}_|\b)(\d+),\.\.\.,\1(\d+)")
+from epuckhebb.runtime import LATEST, be_quiet
 
 
 class Command(TyperCommand):
@@ -148,8 +145,7 @@ def with_experiment(words: list[str] | None, default: str) -> tuple[str, list[st
 def with_genomes_named(overrides: list[str] | None) -> list[str]:
     """Overrides in which the folder of the latest evolution stands in place of `genome=latest` and `resume=latest`.
 
-    A run then notes which evolution it used, whatever evolves later. `genome=reference_1,...,reference_20` and
-    `seed=1,...,20` get what is between. Paths and names that Hydra cannot read get quotes.
+    A run then notes which evolution it used, whatever evolves later.
     """
     from epuckhebb.config import quoted, readable
     from epuckhebb.store import resolve_run
@@ -157,10 +153,7 @@ def with_genomes_named(overrides: list[str] | None) -> list[str]:
     words = readable(overrides or [])
     for place, word in enumerate(words):
         key, _, value = word.partition("=")
-        if key in ("genome", "start", "seed") and (ends := _FROM_TO.search(value)):
-            names = (f"{ends[1]}{seed}" for seed in range(int(ends[2]), int(ends[3]) + 1))
-            words[place] = f"{key}={value[: ends.start()]}{','.join(names)}{value[ends.end() :]}"
-        elif key in ("genome", "start", "resume") and LATEST in (choices := value.split(",")):
+        if key in ("genome", "start", "resume") and LATEST in (choices := value.split(",")):
             folder = str(resolve_run(LATEST, "evolve"))
             path = folder if key == "resume" else quoted(folder)
             words[place] = f"{key}={','.join(path if choice == LATEST else choice for choice in choices)}"

@@ -27,6 +27,8 @@ from epuckhebb.runtime import ConfigError, conf, data_folder, did_you_mean
 RUN_DIR, SWEEP_DIR = "hydra.run.dir=", "hydra.sweep.dir="
 _FORCED_DIR = re.compile(rf"^\+\+(?={RUN_DIR}|{SWEEP_DIR})")
 _PLAIN = re.compile(r"[A-Za-z0-9_./:%@+-]+")  # what needs no quotes as the value of an override
+_FROM_TO = re.compile(r"([^,]*?)(\d+),\.\.\.,\1(\d+)")  # of names that end in a number
+_NUMBERED = ("genome", "start", "seed")  # keys of which the values between two need not be written out
 _BELOW = tuple(f"{key}." for key in OPEN)  # the schema does not know what keys there are
 OF_ENVIRONMENT = "_environment"  # ends the names of the configurations that are not of the maze
 _ENVIRONMENT, _MAZE = "environment=", "environment=tmaze"
@@ -53,6 +55,7 @@ def readable(words: Iterable[Any]) -> list[str]:
     """Overrides in which a path or a name that Hydra cannot read, as one with an umlaut, stands in quotes.
 
     A comma separates values there, too. Lists, mappings and what begins with a quote stay as they are.
+    `genome=reference_1,...,reference_20`, `genome=runs/mine/0,...,runs/mine/9` and `seed=1,...,20` get what is between.
     """
     return list(map(_readable, words))
 
@@ -60,6 +63,9 @@ def readable(words: Iterable[Any]) -> list[str]:
 def _readable(word: str) -> str:
     word = _FORCED_DIR.sub("", word)
     key, _, value = word.partition("=")
+    if key in _NUMBERED:
+        value = _FROM_TO.sub(_with_those_between, value)
+        word = f"{key}={value}"
     if not value or word.startswith("-") or value[0] in "[{'\"":
         return word
     try:
@@ -67,6 +73,11 @@ def _readable(word: str) -> str:
     except ConfigError:
         return f"{key}={','.join(map(quoted, value.split(',')))}"
     return word
+
+
+def _with_those_between(ends: re.Match[str]) -> str:
+    """`reference_1,...,reference_3` with what is between."""
+    return ",".join(f"{ends[1]}{number}" for number in range(int(ends[2]), int(ends[3]) + 1))
 
 
 def check_words(command: str, words: Sequence[str], *, several: bool = False) -> None:

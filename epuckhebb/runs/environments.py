@@ -287,7 +287,7 @@ def film(config: EvaluateEnvironment) -> bytes:
             frames.append(Image.fromarray(env.render()).reduce(2))
 
     what = f"environment={config.world.name} cannot be drawn here"
-    hint = "without a screen, MuJoCo needs MUJOCO_GL=osmesa or egl"
+    hint = "it needs a `render` that gives pictures; MuJoCo without a screen needs MUJOCO_GL=osmesa or egl"
     with refusing(lambda error: f"{what}: {error}; {hint}", Exception):  # a library may raise anything
         config.world.live(_controller(config, work), work.seeds[0], watch=watch)
     buffer = io.BytesIO()

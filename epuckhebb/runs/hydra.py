@@ -67,16 +67,16 @@ def _unresolved(node: Any) -> Any:
 def check(
     command: str, overrides: list[str], config_dir: str | None, prepare: Callable[[Any], Any], *, multirun: bool
 ) -> None:
-    """Refuse, before anything runs, a named sweep as one job, and a multirun with a job that would be refused.
+    """Refuse, before anything runs, a named sweep, and a multirun with a job that would be refused.
 
     Every value of every swept key is tried once, with the first values of the others: a sum, not a product.
 
     prepare: a function that raises `ConfigError` if a checked configuration cannot be run.
     """
+    named = [override for override in overrides if override.startswith("experiment=")]
+    if named and swept_values(overrides, config_dir):
+        raise ConfigError(f"{named[-1]} has many jobs: run `epuckhebb sweep {named[-1].partition('=')[2]}`")
     if not multirun:
-        named = [override for override in overrides if override.startswith("experiment=")]
-        if named and swept_values(overrides, config_dir):
-            raise ConfigError(f"{named[-1]} has many jobs: run `epuckhebb sweep {named[-1].partition('=')[2]}`")
         return
     choices = list(alternatives(overrides).values())
     first = tuple(values[0] for values in choices)

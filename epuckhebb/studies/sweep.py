@@ -27,6 +27,7 @@ from epuckhebb.config import (
     for_hydra,
     from_values,
     own_sources,
+    readable,
     schema_of,
     swept_values,
 )
@@ -118,7 +119,7 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Plan
     params = swept_values([*named, *no_launcher], config_dir)
     if not params:
         raise ConfigError(f"experiment={name} has no hydra.sweeper.params: it is one job, for `epuckhebb evaluate`")
-    choices = alternatives([*(f"{key}={values}" for key, values in params.items()), *own])
+    choices = alternatives(readable([*(f"{key}={values}" for key, values in params.items()), *own]))
     listed: dict[str, Job] = {}
     identities, again = Identities(), 0
     for overrides, config in configurations(command, named, itertools.product(*choices.values()), config_dir):
