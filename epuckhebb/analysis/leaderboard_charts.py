@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator
 
 from epuckhebb.analysis import leaderboard
 from epuckhebb.analysis.charts import INK, KIND, SOFT, by_experiment, too_few
@@ -90,6 +91,9 @@ def anytime(board: pd.DataFrame, course: pd.DataFrame) -> Figure:
     drawn = _curves(tested, course, lambda own: (own.robot_steps / 1e6, own.success), marker="o", markersize=3)
     for axes in drawn.axes:
         axes.set(xscale="log", xlabel="million robot-steps of evolution")
+        axes.minorticks_off()
+        axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axes.xaxis.set_major_formatter("{x:g}")
     drawn.axes[0].set_ylabel("success over the test worlds")
     return drawn
 
