@@ -53,7 +53,8 @@ def test_evaluate_leaves_a_whole_run(here):
 @pytest.mark.parametrize("launcher", first_of(["basic", "joblib"]))
 def test_multirun_sweeps(here, launcher):
     words = ["-m", "hebbian.N=0,0.002", "scenario=base,4obstacles", f"hydra/launcher={launcher}", "seed=3"]
-    done("evaluate", *words, *FAST)
+    told = done("evaluate", *words, *FAST).stderr
+    assert launcher == "joblib" or "job 3: hebbian.N=0.002 scenario=4obstacles" in told  # workers have another stream
     runs = sorted(only_run(here / "runs" / "evaluate").glob("*/metrics.csv"))
     assert len(runs) == 4
     rows = pd.concat([pd.read_csv(run) for run in runs])

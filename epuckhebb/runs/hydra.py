@@ -33,7 +33,7 @@ from epuckhebb.config import (
 from epuckhebb.config.catalogue import USERS, VERSION_BASE, catalogue, choices_of
 from epuckhebb.config.compose import composed_with_hydra
 from epuckhebb.config.resolve import resolve
-from epuckhebb.runtime import ConfigError, JobFailedError, data_folder, exit_with_parent, refusing, thread_count
+from epuckhebb.runtime import ConfigError, JobFailedError, data_folder, exit_with_parent, refusing, say, thread_count
 from epuckhebb.store import check_folder_of_multirun, of_multirun
 
 _CHECKED_IN_FULL = 20  # a longer list of values is checked at its two ends
@@ -144,6 +144,8 @@ def _job_of_hydra(command: str, job: Callable[[Job], None], cfg: DictConfig) -> 
         resolve(command, cfg, choices_of(runtime), overrides, folder)
         config: Any = typed(cfg, SCHEMAS[command])
         facts, is_many = _facts(command, overrides, folder), HydraConfig.get().mode == RunMode.MULTIRUN
+        if is_many:
+            say(f"job {HydraConfig.get().job.num}: {' '.join(overrides)}")
         job(Job(path, config, overrides, facts, threads_of_job(config.threads), is_many))
     except ConfigError:
         with suppress(OSError):  # something is in it
