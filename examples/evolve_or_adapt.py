@@ -390,40 +390,39 @@ def _innate_tests(innate):
 
 _COLOURS = {"from the champion": "#0072B2", "from scratch": "#999999", "with rehearsal": "#009E73"}
 _POINTS = {NOTHING: ("nothing", "X", "black"), (FIXED, PAPER): ("the paper's plasticity", "o", "#D55E00")}
-_POINTS |= {(FIXED, LATE): ("late", "s", "#E69F00"), ("baldwin_n", "baldwin_n"): ("baldwin_n", "^", "#CC79A7")}
-_POINTS |= {("modulated", "modulated"): ("modulated", "v", "#56B4E9")}
+_POINTS |= {(FIXED, SHUFFLED): ("shuffled signs", "x", "#D55E00"), (FIXED, LATE): ("late", "s", "#E69F00")}
+_POINTS |= {("baldwin_n", "baldwin_n"): ("baldwin_n, evolved", "^", "#CC79A7")}
+_POINTS |= {("modulated", "modulated"): ("modulated, evolved", "v", "#56B4E9")}
 
 
 @in_house_style()
 def _plane(ways):
     """What is recovered against what is not forgotten: of evolution a path over generations, of others a point."""
-    figure = Figure(figsize=(8, 5.2))
+    figure = Figure(figsize=(8, 5))
     axes = figure.subplots()
-    axes.axhspan(0.5, 1.05, 0.5, color="#009E73", alpha=0.08, zorder=0)
+    axes.fill_between([0.5, 1.1], 0.5, 1.1, color="#009E73", alpha=0.08, linewidth=0)
     for (way, controller), own in ways.groupby(["way", "controller"], sort=False):
+        end = own.iloc[-1]
         if way in _COLOURS and controller == ALONE:
-            look = {"color": _COLOURS[way], "label": f"evolution {way}"}
-            axes.plot(own.recovered, own.retained, marker="o", linewidth=2, **look)
-            for _, one in own.iterrows():
-                place = {"xytext": (4, 3), "textcoords": "offset points"}
-                axes.annotate(
-                    f"{one.robot_hours:.0f} h", (one.recovered, one.retained), **place, color=look["color"], fontsize=8
-                )
+            colour = _COLOURS[way]
+            axes.plot(own.recovered, own.retained, marker="o", linewidth=2, color=colour)
+            place, look = {"xytext": (7, 5), "textcoords": "offset points"}, {"color": colour, "weight": "bold"}
+            axes.annotate(f"evolution {way}", (end.recovered, end.retained), **place, **look)
+            for one, above in ((own.iloc[0], 7), (end, -13)):
+                place["xytext"] = (-4 if above > 0 else 7, above)
+                axes.annotate(f"{one.robot_hours:.0f} h", (one.recovered, one.retained), **place, color=colour)
         elif (way, controller) in _POINTS:
             name, marker, colour = _POINTS[way, controller]
-            look = {"color": colour, "label": f"{name} (0 h)"}
-            axes.plot(own.recovered, own.retained, marker, markersize=9, **look)
+            axes.plot(own.recovered, own.retained, marker, color=colour, markersize=9, label=name)
         else:
             continue
-        end = own.iloc[-1]
         for name, line in (("recovered", axes.hlines), ("retained", axes.vlines)):
             other = end["retained" if name == "recovered" else "recovered"]
-            line(other, end[f"{name}_low"], end[f"{name}_high"], color=look["color"], alpha=0.5)
-    axes.set(xlim=(-0.02, 1.05), ylim=(-0.03, 1.05), xlabel="recovered: share of cases that solve the changed world")
+            line(other, end[f"{name}_low"], end[f"{name}_high"], color=colour, alpha=0.4)
+    axes.set(xlim=(-0.03, 1.02), ylim=(-0.04, 1.04), xlabel="recovered: share of cases that solve the changed world")
     axes.set_ylabel("not forgotten: share that still solves the training world")
-    axes.text(1.03, 1.03, "recovers and remembers", ha="right", va="top", color="#00664b")
-    axes.text(1.03, 0.0, "recovers and forgets", ha="right", color="grey")
-    figure.legend(loc="outside lower center", ncols=3, fontsize=9)
+    axes.text(1.0, 1.0, "recovers and remembers", ha="right", va="top", color="#00664b")
+    axes.legend(loc="lower right", title="within the lifetime, 0 h", alignment="left")
     figure.set_label(
         "Evolve or adapt: what is recovered against what is not forgotten, after so many robot-hours in the changed "
         "world; lines are 95 % intervals over champions"

@@ -193,6 +193,37 @@ def test_outcomes_in_the_second_physics():
         assert (row.low, row.high) == pytest.approx(interval(same["sum"], same["size"]))
 
 
+def test_evolve_or_adapt():
+    """Shares of cases recovered and retained with their intervals, claims, and the p values of the five tests."""
+    cases = read("evolve_or_adapt/recovery")
+    cases["who"] = cases.experiment + cases.champion.astype(str)
+    ways = {key: own for key, own in cases.groupby(["way", "controller", "generation"])}
+    for _, row in read("evolve_or_adapt/ways").query("world == 'all'").iterrows():
+        own = ways[row.way, row.controller, row.generation]
+        for name in ("recovered", "retained"):
+            counts = own.groupby("who")[name].agg(["sum", "size"])
+            near(row, name, own[name].mean(), interval(counts["sum"], counts["size"]))
+    last = cases.generation.max()
+
+    def at_end(text):
+        way, controller = text.split(" + ")
+        return (
+            ways[way, controller, 0 if (way, controller, 0) in ways else last].set_index(["who", "world"]).sort_index()
+        )
+
+    p = []
+    for row in read("evolve_or_adapt/tests").itertuples():
+        one, other = (at_end(text)[row.what].groupby("who").sum() for text in (row.way, row.other))
+        change = (one - other).to_numpy()
+        again = stats.permutation_test(
+            (change[change != 0],), np.sum, permutation_type="samples", n_resamples=99999, rng=np.random.default_rng(1)
+        )
+        assert row.p == pytest.approx(again.pvalue, abs=0.01)
+        p.append(row.p)
+    steps = np.maximum.accumulate(np.sort(p) * np.arange(5, 0, -1)).clip(max=1)
+    assert np.sort(read("evolve_or_adapt/tests").p_holm) == pytest.approx(steps)
+
+
 def test_many_obstacles():
     """The table and the p values of 110 champions on the page of the reproduction."""
     page = (REFERENCE.parents[1] / "docs" / "reproduction.md").read_text()
