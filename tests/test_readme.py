@@ -19,7 +19,6 @@ from epuckhebb.tmaze.scenario import TRAINED
 ROOT = Path(__file__).parents[1]
 REFERENCE = ROOT / "runs" / "reference"
 README = ROOT / "README.md"
-USUAL_FLOCK = {"loudness": 2.5, "knowers": 2, "range_m": 2.0}
 RESULTS, TUTORIAL, ADAPTATIONS = (ROOT / "docs" / f"{name}.md" for name in ("results", "tutorial", "adaptations"))
 
 
@@ -73,6 +72,18 @@ VERDICTS = {  # the paper's claims in plain words; those on rescue with obstacle
 }
 FINDINGS = [  # a sentence, and the counts that stand in it, each with the method that it is compared with
     (
+        "In a [changed world](docs/evolve_or_adapt.md), evolution that goes on from the champion recovers **{}** cases "
+        "in 80 robot-hours; plasticity {}, shuffled signs {}.",
+        [
+            ("evolve_or_adapt/ways", "recovered", "cases", {"world": "all", "way": way, "controller": name} | at)
+            for way, name, at in (
+                ("from the champion", "GA", {"generation": 16}),
+                ("champion", "Hebbian", {}),
+                ("champion", "shuffled", {}),
+            )
+        ],
+    ),
+    (
         "When the reward [changes sides](docs/reversal.md), **{}** champions learn with a modulated rule, and {} "
         "without; {} recurrent ones learn without any rule.",
         [("reversal/leaderboard", "solved", "champions", {"method": name}) for name in ("modulated", "ga", "ctrnn")],
@@ -83,14 +94,6 @@ FINDINGS = [  # a sentence, and the counts that stand in it, each with the metho
         [
             ("unseen_kinds/rescue_over_all", "rescued", "broken", {"experiment": LIGHT, "controller": name})
             for name in ("find_and_learn_to_stay (anti)", "find_and_stay", "hand_written")
-        ],
-    ),
-    (
-        "Ten robots lose one that knows the way: **{}** [flocks](docs/flock.md) that listen to the fitter stay on "
-        "course, {} with fixed couplings.",
-        [
-            ("flock/flock", "good", "runs", {**USUAL_FLOCK, "breaks": "knower", "coupling": name})
-            for name in ("live_fitness", "frozen")
         ],
     ),
 ]
@@ -115,7 +118,7 @@ def share(table, part, whole, which):
     """How many a row of a table of runs/reference/ counts, of how many, with the share's interval."""
     rows = pd.read_csv(REFERENCE / f"{table}.csv")
     (row,) = rows[(rows[list(which)] == pd.Series(which)).all(axis=1)].to_dict("records")
-    count, of = round(row[part] * row[whole]) if part == "good" else row[part], row[whole]
+    count, of = round(row[part] * row[whole]) if part == "recovered" else row[part], row[whole]
     return f"{count} of {of} [{row[f'{part}_low']:.2f}, {row[f'{part}_high']:.2f}]"
 
 

@@ -197,7 +197,7 @@ def test_evolve_or_adapt():
     """Shares of cases recovered and retained with their intervals, claims, and the p values of the five tests."""
     cases = read("evolve_or_adapt/recovery")
     cases["who"] = cases.experiment + cases.champion.astype(str)
-    ways = {key: own for key, own in cases.groupby(["way", "controller", "generation"])}
+    ways = dict(iter(cases.groupby(["way", "controller", "generation"])))
     for _, row in read("evolve_or_adapt/ways").query("world == 'all'").iterrows():
         own = ways[row.way, row.controller, row.generation]
         for name in ("recovered", "retained"):
@@ -207,9 +207,8 @@ def test_evolve_or_adapt():
 
     def at_end(text):
         way, controller = text.split(" + ")
-        return (
-            ways[way, controller, 0 if (way, controller, 0) in ways else last].set_index(["who", "world"]).sort_index()
-        )
+        own = ways[way, controller, 0 if (way, controller, 0) in ways else last]
+        return own.set_index(["who", "world"]).sort_index()
 
     p = []
     for row in read("evolve_or_adapt/tests").itertuples():
