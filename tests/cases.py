@@ -20,9 +20,9 @@ SHORT = ["lifetime.duration_s=2", "repeats=1"]
 SMALL_GA = ["ga.population=4", "ga.loops=1", "ga.elites=1", "lifetime.duration_s=2", "scenario.paper_duration_s=10"]
 
 
-def described_columns(file):
+def described_columns(file, folder=COLUMNS.parent):
     """The names of the columns of a table, or of the arrays of a file, that `columns.yaml` describes, in its order."""
-    return list(yaml.safe_load(COLUMNS.read_text())[file]["columns"])
+    return list(yaml.safe_load((folder / COLUMNS.name).read_text())[file]["columns"])
 
 
 def call(*words):

@@ -15,7 +15,7 @@ import pytest
 from cases import call, done, first_of, refused
 from omegaconf import OmegaConf
 
-from epuckhebb.config import compose
+from epuckhebb.config import alternatives, compose, readable, value_of
 from epuckhebb.config.schema import EvaluateConfig, value_as_declared
 from epuckhebb.runs import evaluate as runs_evaluate
 from epuckhebb.runs import hydra
@@ -75,8 +75,10 @@ def test_a_dry_run_lists_the_jobs_and_writes_nothing(here, name):
 def test_all_that_the_sweep_of_adaptations_names_is_there():
     swept = OmegaConf.load(data_folder("conf") / "experiment" / "adaptive.yaml").hydra.sweeper.params
     assert [len(worlds) for worlds in leaderboard.tests_of(["adaptive"], None).values()] == [8, 8]
-    for genome in swept.genome.replace(" ", "").split(","):
-        load_genome(genome, "obstacles")
+    (words,) = alternatives(readable([f"genome={swept.genome}"])).values()
+    assert len(words) == 40
+    for word in words:
+        load_genome(value_of(word), "obstacles")
 
 
 @pytest.mark.parametrize(
