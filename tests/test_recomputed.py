@@ -223,6 +223,24 @@ def test_evolve_or_adapt():
     assert np.sort(read("evolve_or_adapt/tests").p_holm) == pytest.approx(steps)
 
 
+def test_legs():
+    """The twelve effects on HalfCheetah, and their p values, from the table by champion."""
+    after = read("legs/champions").set_index(["change", "controller", "genome"]).sort_index().return_after
+    rows = read("legs/effects")
+    for row in rows.itertuples():
+        ours, others = after[row.change, row.controller], after[row.change, row.against]
+        others = others[ours.index] if row.is_paired else others
+        assert row.effect == pytest.approx(ours.mean() - others.mean())
+        kind = "samples" if row.is_paired else "independent"
+        p = stats.permutation_test(
+            (ours, others), lambda x, y, axis: x.mean(axis=axis) - y.mean(axis=axis), permutation_type=kind,
+            n_resamples=9999, rng=np.random.default_rng(1),
+        )  # fmt: skip
+        assert row.p == pytest.approx(p.pvalue, abs=0.02)
+    steps = np.maximum.accumulate(np.sort(rows.p) * np.arange(12, 0, -1)).clip(max=1)
+    assert np.sort(rows.p_holm) == pytest.approx(steps)
+
+
 def test_many_obstacles():
     """The table and the p values of 110 champions on the page of the reproduction."""
     page = (REFERENCE.parents[1] / "docs" / "reproduction.md").read_text()
