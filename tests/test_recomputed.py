@@ -225,7 +225,7 @@ def test_evolve_or_adapt():
 
 def test_legs():
     """The twelve effects on HalfCheetah, and their p values, from the table by champion."""
-    after = read("legs/champions").set_index(["change", "controller", "genome"]).sort_index().return_after
+    after = read("legs/champions").dropna().set_index(["change", "controller", "genome"]).sort_index().return_after
     rows = read("legs/effects")
     for row in rows.itertuples():
         ours, others = after[row.change, row.controller], after[row.change, row.against]
