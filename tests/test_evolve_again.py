@@ -202,6 +202,7 @@ def test_a_multirun_of_evolutions_ends_with_a_table():
     table = pd.read_csv("runs/evolve/many/summary.csv")
     assert list(table.columns[-len(described := described_columns("summary.csv of evolve")) :]) == described
     assert (list(table["ga.population"]), list(table.n)) == ([3, 4], [2, 2])
+    assert readable(table).rows[0][:2] == ["3", "2"]
     assert "summary.csv" in done("show", "runs/evolve/many").stdout
     assert done("figure", "runs/evolve/many").stdout.split() == ["learning"]
     assert Path(done("figure", "runs/evolve/many", "learning", "-f", "svg").stdout.strip()).is_file()

@@ -55,7 +55,7 @@ def readable(table: pd.DataFrame) -> Table:
     cost = "robot_hours" if "robot_hours" in table else "robot_steps"
     names = [name for name in _HEADINGS if name in table]
     rows = []
-    for _, row in table.iterrows():
+    for _, row in table.astype(object).iterrows():  # a row of numbers alone would have no whole ones
         cells = [with_interval(row, name, ".3g") for name in names]
         if "n_reached" in row:
             cells[-1] += f" ({row['n_reached']} of {row['n']})"
