@@ -57,7 +57,7 @@ def test_a_page_shows_what_its_command_prints(page, name, generated, here, monke
     assert "\n".join(printed[end:]).count("Run folder: ") == 1
     if page == README:
         (count,) = re.findall(r"A showcase: (\d+ of \d+) champions", " ".join(printed[end:]))
-        assert f"A showcase: {count} do this." in README.read_text()
+        assert f"A showcase: {count} evolved controllers do this." in README.read_text()
     generated(page, name, "\n".join(["```", *printed[:end], "```", ""]))
 
 
