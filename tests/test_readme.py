@@ -73,7 +73,7 @@ VERDICTS = {  # the paper's claims in plain words; those on rescue with obstacle
 FINDINGS = [  # a sentence, and the counts that stand in it, each with the method that it is compared with
     (
         "In a [changed world](docs/evolve_or_adapt.md), evolution that goes on from the champion recovers **{}** cases "
-        "in 80 robot-hours; plasticity {}, shuffled signs {}.",
+        "in 80 hours of robot time; plasticity {}, shuffled signs {}.",
         [
             ("evolve_or_adapt/ways", "recovered", "cases", {"world": "all", "way": way, "controller": name} | at)
             for way, name, at in (
@@ -85,12 +85,12 @@ FINDINGS = [  # a sentence, and the counts that stand in it, each with the metho
     ),
     (
         "When the reward [changes sides](docs/reversal.md), **{}** champions learn with a modulated rule, and {} "
-        "without; {} recurrent ones learn without any rule.",
+        "without; {} recurrent networks learn without plasticity.",
         [("reversal/leaderboard", "solved", "champions", {"method": name}) for name in ("modulated", "ga", "ctrnn")],
     ),
     (
-        "[Given a goal signal](docs/adaptations.md), learning to stay rescues **{}** broken trials, a halt {}, a robot "
-        "without network {}: the signal does the work.",
+        "Robots that are [told of their arrival](docs/adaptations.md) and learn to stay rescue **{}** broken trials, those "
+        "that just stop {}, those without a network {}: the signal helps, not the learning.",
         [
             ("unseen_kinds/rescue_over_all", "rescued", "broken", {"experiment": LIGHT, "controller": name})
             for name in ("find_and_learn_to_stay (anti)", "find_and_stay", "hand_written")
