@@ -15,7 +15,7 @@ from cases import call, check_resumed, described_columns, done, refused
 from PIL import Image
 
 import epuckhebb
-from epuckhebb.analysis.environments import effects
+from epuckhebb.analysis.environments import effects, over_lifetime
 from epuckhebb.config import load_any
 from epuckhebb.controller.controller import Controller
 from epuckhebb.controller.plasticity.rule import Normalise
@@ -145,6 +145,14 @@ def test_a_loss_that_comes_late_is_no_recovery_at_once():
     assert recovery([1.0] * 150 + [0.0] * 50 + [1.0] * 200) == 95  # of 50 steps from there on, 45 are of 1
     assert np.isnan(recovery([1.0] * 150 + [0.0] * 250))
     assert np.isnan(recovery([1.0] * 300))  # it ended early
+
+
+def test_a_lifetime_that_has_ended_earns_nothing():
+    lives = [Lived(np.ones(steps), 0.0, 0.0, 0.0, np.zeros(steps), np.zeros(steps)) for steps in (100, 55)]
+    rows = pd.DataFrame(over_lifetime(["one", "one"], lives, 100))
+    assert list(rows.step) == list(range(2, 101, 2))
+    assert list(rows.reward[26:29]) == [1.0, 0.75, 0.5]
+    assert (rows.reward * 2).sum() * 2 == sum(len(one.rewards) for one in lives)  # the return of both
 
 
 def test_effects_are_those_of_scipy_on_means_of_champions():

@@ -208,6 +208,10 @@ def test_a_multirun_of_evolutions_ends_with_a_table():
     assert Path(done("figure", "runs/evolve/many", "learning", "-f", "svg").stdout.strip()).is_file()
     own = [epuckhebb.evolve(*TINY[1:-1], "ga.population=4", f"seed={seed}", progress=False) for seed in (1, 2)]
     assert epuckhebb.compare({4: own}).best_fitness[0] == pytest.approx(table.best_fitness[1])
+    folders = [run.parent for run in Path("runs/evolve/many").glob("*/history.csv")]
+    assert epuckhebb.compare({"all": folders}).n[0] == 4
+    with pytest.raises(ValueError, match="nowhere"):
+        epuckhebb.compare({"none": ["nowhere"]})
 
 
 def test_hours_to_success_are_a_median_over_all_evolutions():

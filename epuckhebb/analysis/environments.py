@@ -20,8 +20,9 @@ _ROUND = 100  # from which on returns are read without decimals
 
 
 def over_lifetime(names: Sequence[str], lives: Sequence[Lived], horizon: int) -> list[dict[str, Any]]:
-    """What happened in equal parts of a lifetime: a row for each controller and part, means over those that live.
+    """What happened in equal parts of a lifetime: a row for each controller and part in which a lifetime goes on.
 
+    The reward is a mean over all lifetimes: one that has ended earns nothing. Other means are over those that go on.
     names: of the controller of each lifetime.
     """
     edges = np.unique(np.linspace(0, horizon, min(_BINS, horizon) + 1).astype(int))
@@ -31,11 +32,11 @@ def over_lifetime(names: Sequence[str], lives: Sequence[Lived], horizon: int) ->
         for begin, end in itertools.pairwise(edges):
             there = [lived for lived in own if len(lived.rewards) > begin]
             if there:
-                parts = (
-                    [getattr(one, what)[begin:end].mean() for one in there]
-                    for what in ("rewards", "weight_changes", "weight_steps")
+                changes = (
+                    [getattr(one, what)[begin:end].mean() for one in there] for what in ("weight_changes", "weight_steps")
                 )
-                reward, change, step = map(float, map(np.mean, parts))
+                reward = float(sum(one.rewards[begin:end].sum() for one in there)) / (len(own) * (end - begin))
+                change, step = map(float, map(np.mean, changes))
                 rows.append(
                     {
                         "controller": name,

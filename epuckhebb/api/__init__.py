@@ -33,7 +33,7 @@ from epuckhebb.controller.plasticity.rule import NoRule, Rule
 from epuckhebb.evolution.evolve import history_row
 from epuckhebb.runs import as_evolved, compile_for, prepare_evaluation, prepare_evolution
 from epuckhebb.runtime import ConfigError, bar, be_quiet, say, thread_count
-from epuckhebb.store import Genome, checked_genes, load_genome, resolve_run
+from epuckhebb.store import Genome, Run, checked_genes, load_genome, resolve_run
 
 Genes = NDArray[np.float64]
 
@@ -133,18 +133,25 @@ def evolve(*overrides: str, config_dir: str | Path | None = None, progress: bool
     return Evolution(generations[-1].champion, pd.DataFrame(map(history_row, generations)))
 
 
-def compare(evolutions: Mapping[Any, Sequence[Evolution]], fitness: float | None = None) -> pd.DataFrame:
+def compare(evolutions: Mapping[Any, Sequence[Evolution | str | Path]], fitness: float | None = None) -> pd.DataFrame:
     """A table over many evolutions, as `summary.csv` of `epuckhebb evolve -m`.
 
     Args:
-        evolutions: For each way to evolve, by its name, the evolutions with different seeds.
+        evolutions: For each way to evolve, by its name, the evolutions with different seeds, or their run folders.
         fitness: The robot-hours are those until the best fitness reaches this; without it, until all lifetimes of the
             fittest end at the goal.
 
     Returns:
         A row a way, with 95 % bootstrap intervals over seeds if there are six or more.
     """
-    return summary([({"evolution": way}, [one.history for one in own]) for way, own in evolutions.items()], fitness)
+    histories = [({"evolution": way}, [_history(one) for one in own]) for way, own in evolutions.items()]
+    return summary(histories, fitness)
+
+
+def _history(evolution: Evolution | str | Path) -> pd.DataFrame:
+    if isinstance(evolution, Evolution):
+        return evolution.history
+    return Run(resolve_run(evolution, "evolve")).table("history.csv")
 
 
 def play(
