@@ -11,7 +11,7 @@ from cases import contents, done, first_of, refused, world_named
 import epuckhebb
 from epuckhebb.cli import completion
 from epuckhebb.config.compose import composed
-from epuckhebb.config.schema import plain
+from epuckhebb.config.schema import EvolveConfig, plain, typed
 from epuckhebb.runtime.conf import groups, rows
 from epuckhebb.studies import leaderboard, sweep
 
@@ -66,6 +66,18 @@ def test_worlds_are_those_of_the_committed_tables(golden):
         known = LINES["base"] if name == "base" else {"name"}  # a field that came later is the same in all of them
         lines.append(json.dumps({key: value for key, value in own.items() if key in known or value != base[key]}))
     golden(WORLDS.name, "\n".join(lines) + "\n")
+
+
+def test_no_training_of_the_program_can_draw_a_test_world():
+    """Light and weak wheels are drawn from ranges; a single dead sensor or a layout of obstacles could be a test's."""
+    training = typed(composed("evolve", ["training=varied"]), EvolveConfig).training
+    assert training.light[0] < training.light[1]
+    assert training.wheel[0] < training.wheel[1]
+    tested = {name for sweep in ("rescue", "rescue_new_kinds") for name in leaderboard._swept(sweep, None)}
+    for name in tested:
+        made = world_named(name.replace("+", "_"))
+        assert not training.layouts[0] <= made.layout <= training.layouts[1]
+        assert len(made.dead_sensors) != 1 or 0 in made.dead_sensors  # training spares the first
 
 
 # Composing

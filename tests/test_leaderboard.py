@@ -12,8 +12,6 @@ from cases import call, described_columns, done, first_of, refused
 
 from epuckhebb.analysis import leaderboard as board
 from epuckhebb.cli import completion
-from epuckhebb.config import compose
-from epuckhebb.config.schema import EvolveConfig, typed
 from epuckhebb.runs import earlier_champions
 from epuckhebb.runtime.conf import groups
 from epuckhebb.runtime.errors import ConfigError
@@ -272,17 +270,6 @@ def test_champions_are_tested_with_the_network_that_they_evolved_with(conf, here
     networks = [[job.config["config"]["network"] for job in jobs] for jobs in tests.values()]
     assert networks == [[{"wiring": "mlp", "layers": None}], *([{"wiring": "elman", "hidden": 8}],) * 2]
     assert list(here.iterdir()) == []
-
-
-def test_no_training_of_the_program_can_draw_a_test_world():
-    """Light and weak wheels are drawn from ranges; a single dead sensor or a layout of obstacles could be a test's."""
-    training = typed(compose.composed("evolve", ["training=varied"]), EvolveConfig).training
-    assert training.light[0] < training.light[1]
-    assert training.wheel[0] < training.wheel[1]
-    for worlds in leaderboard.tests_of(["rescue", "rescue_new_kinds"], None).values():
-        for world in worlds.values():
-            assert not training.layouts[0] <= world.layout <= training.layouts[1]
-            assert len(world.dead_sensors) != 1 or 0 in world.dead_sensors  # training spares the first
 
 
 def test_two_rules_of_one_name_are_refused(tmp_path):

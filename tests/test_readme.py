@@ -89,8 +89,8 @@ FINDINGS = [  # a sentence, and the counts that stand in it, each with the metho
         [("reversal/leaderboard", "solved", "champions", {"method": name}) for name in ("modulated", "ga", "ctrnn")],
     ),
     (
-        "Robots that are [told of their arrival](docs/adaptations.md) and learn to stay rescue **{}** broken trials, those "
-        "that just stop {}, those without a network {}: the signal helps, not the learning.",
+        "Robots that are [told of their arrival](docs/adaptations.md) and learn to stay rescue **{}** broken trials, "
+        "those that just stop {}, those without a network {}: the signal helps, not the learning.",
         [
             ("unseen_kinds/rescue_over_all", "rescued", "broken", {"experiment": LIGHT, "controller": name})
             for name in ("find_and_learn_to_stay (anti)", "find_and_stay", "hand_written")
