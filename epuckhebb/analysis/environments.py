@@ -32,11 +32,9 @@ def over_lifetime(names: Sequence[str], lives: Sequence[Lived], horizon: int) ->
         for begin, end in itertools.pairwise(edges):
             there = [lived for lived in own if len(lived.rewards) > begin]
             if there:
-                changes = (
-                    [getattr(one, what)[begin:end].mean() for one in there] for what in ("weight_changes", "weight_steps")
-                )
                 reward = float(sum(one.rewards[begin:end].sum() for one in there)) / (len(own) * (end - begin))
-                change, step = map(float, map(np.mean, changes))
+                change = float(np.mean([one.weight_changes[begin:end].mean() for one in there]))
+                step = float(np.mean([one.weight_steps[begin:end].mean() for one in there]))
                 rows.append(
                     {
                         "controller": name,
