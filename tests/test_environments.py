@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from cases import call, check_resumed, described_columns, done, refused
-from PIL import Image
+from PIL import Image, ImageSequence
 
 import epuckhebb
 from epuckhebb.analysis.environments import effects, over_lifetime
@@ -113,9 +113,12 @@ def test_show_figure_and_replay_know_an_environment():
     done("figure", "tested", "lifetime", "--format", "svg")
     done("figure", "plain", "learning")
     pytest.importorskip("pygame")
-    done("replay", "tested", "--gif", "film.gif")
+    done("evaluate", "genome=plain", "environment.changes=[{at: 3, length: 2.0}]", "repeats=1", "hydra.run.dir=early")
+    done("replay", "early", "--gif", "film.gif")
     with Image.open("film.gif") as film:
-        assert film.n_frames > 1
+        frames = [film.copy().convert("RGB").getpixel((0, 0)) for _ in ImageSequence.Iterator(film)]
+    assert frames[0] == (255, 255, 255)
+    assert frames[-1] == pytest.approx((213, 94, 0), abs=2)  # after the change
     refused("replay", "tested", "--output", "page.html")
 
 

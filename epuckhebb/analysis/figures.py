@@ -152,8 +152,9 @@ def draw_maze(axes: Axes, scenario: Scenario) -> list[Artist]:
         drawn += axes.plot(x, y, marker="*", markersize=11, color=LAMP, markeredgewidth=0)
         name = f"◆{number} lamp" if number else "lamp\n(on: go right)"
         offset, ha = ((9, -3), "left") if x < left + 0.7 * (right - left) else ((-9, -3), "right")
-        look = {"fontsize": 8, "ha": ha, "path_effects": [OUTLINE]}
-        drawn.append(axes.annotate(name, (x, y), offset, textcoords="offset points", **look))
+        label = axes.annotate(name, (x, y), offset, textcoords="offset points", fontsize=8, ha=ha)
+        label.set_path_effects([OUTLINE])
+        drawn.append(label)
     axes.set(xlim=(left, right), ylim=(bottom, top), aspect="equal", xlabel="X (m)", ylabel="Y (m)")
     return drawn
 

@@ -157,6 +157,7 @@ def _make(settings: Environment, **more: Any) -> Any:
             import mujoco
 
             mujoco.set_mju_user_warning(lambda _: None)  # else each environment prints one, and writes a file here
+            options = {"camera_name": "track", **options} if more else options  # a film follows the robot
         return gymnasium.make(settings.id, max_episode_steps=settings.horizon, disable_env_checker=True, **options)
 
 

@@ -8,6 +8,7 @@ import functools
 import io
 import itertools
 import json
+import math
 import time
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
@@ -44,7 +45,7 @@ Floats = NDArray[np.float64]
 _CHUNKS = 4  # of the work of each process, whose parts take different times
 _WORTH_S = 20.0  # of work, from which on processes are worth their start
 _MOST_SEED = 2**31 - 1
-_FRAMES, _FRAME_MS = 200, 40  # of a film
+_FRAMES, _FRAME_MS, _CHANGED = 200, 40, "#D55E00"  # of a film; around what is after a change
 
 
 class Work(NamedTuple):
@@ -262,7 +263,7 @@ class PreparedEnvironmentEvaluation:
 def _(config: EvaluateEnvironment, genome: Genome | None = None) -> PreparedEnvironmentEvaluation:
     network = config.network_made
     if genome is None:
-        genome = load_genome(config.genome, "", network.wiring)
+        genome = load_genome(config.genome, config.environment.name, network.wiring)
     if genome.network != replace(network, rewarded=genome.network.rewarded):
         raise ConfigError(
             f"genome={genome.name} is for a network {genome.network}{f' of {genome.robot}' if genome.robot else ''}; "
@@ -274,17 +275,22 @@ def _(config: EvaluateEnvironment, genome: Genome | None = None) -> PreparedEnvi
 
 
 def film(config: EvaluateEnvironment) -> bytes:
-    """A GIF of the first lifetime of the rule of an evaluation, or of the network alone, drawn by the environment."""
-    from PIL import Image
+    """A GIF of the first lifetime of the rule of an evaluation, or of the network alone, drawn by the environment.
+
+    It shows a frame a step: as many before the change as after it, or the first ones.
+    """
+    from PIL import Image, ImageOps
 
     prepared = prepare_evaluation(config)
     works = prepared.works(range(1))
     work, frames, step = works[min(1, len(works) - 1)], list[Any](), itertools.count()
-    every = max(1, config.environment.horizon // _FRAMES)
+    lived, change = _live(config, work)[0], config.world.split if config.environment.changes else math.inf
+    begin = max(0, min(change, len(lived.rewards)) - _FRAMES // 2) if config.environment.changes else 0
 
     def watch(env: Any) -> None:
-        if next(step) % every == 0:
-            frames.append(Image.fromarray(env.render()).reduce(2))
+        if begin <= (now := next(step)) < begin + _FRAMES:
+            frame = Image.fromarray(env.render()).reduce(2)
+            frames.append(ImageOps.expand(frame, 4, "white" if now < change else _CHANGED))
 
     what = f"environment={config.world.name} cannot be drawn here"
     hint = "it needs a `render` that gives pictures; MuJoCo without a screen needs MUJOCO_GL=osmesa or egl"

@@ -21,7 +21,7 @@ from epuckhebb.store.run import Run
 from epuckhebb.tmaze.robot import EPUCK
 
 _NOMINAL = "memory_"  # how the names of the arrays of nominal statistics begin
-_OF_SEED = re.compile(rf"{REFERENCE}_(ode_)?(\d+)")
+_OF_SEED = re.compile(rf"{REFERENCE}_([a-z]+_)?(\d+)")
 # What a champion was evolved for and by, as far as it is known.
 _TEXTS = (
     *("robot", "experiment", "optimizer", "training", "rule", "task", "fitness_function", "sensors"),
@@ -110,7 +110,7 @@ def load_genome(where: str, experiment: str, shape: tuple[int, ...] | Wiring | N
             reference results; `reference_ode_301` was evolved with `physics=ode`), a run folder with a
             `champion.npz`, or a `.npz` or `.npy` file with as many numbers as the network has weights, 234 in the
             paper.
-        experiment: The name of the experiment, `light` or `obstacles`.
+        experiment: The name of the experiment, `light` or `obstacles`, or of the environment.
         shape: The layers of the network, or its wiring; None for what the file names, or else the paper's layers.
     """
     reference, name, of_seed = data_folder("runs/reference"), where, _OF_SEED.fullmatch(where)
