@@ -183,6 +183,20 @@ def test_leaderboard(experiment):
     assert held == pytest.approx(np.sort(steps))
 
 
+def test_anytime_curves():
+    """Each point of the curves, from the counts of champions; the last are those of the leaderboard."""
+    counts, champions = read("leaderboard/anytime_by_champion"), read("leaderboard/champions")
+    points = read("leaderboard/anytime")
+    assert len(points) == 6 * 2 * 4
+    for _, row in points.iterrows():
+        own = counts[(counts[["experiment", "method", "mark"]] == row[["experiment", "method", "mark"]]).all(axis=1)]
+        near(row, "success", own.successes.sum() / own.trials.sum(), interval(own.successes, own.trials))
+        assert row.robot_steps == int(own.robot_steps.mean())
+    keys = ["experiment", "method", "seed", "trials", "successes", "robot_steps"]
+    last = counts[counts.mark == 3][keys]
+    assert len(last.merge(champions[keys])) == len(last) == 144
+
+
 def test_outcomes_in_the_second_physics():
     """In how many trials the plane and three dimensions agree, from the table of successes."""
     rows = read("second_physics/successes").set_index(["scenario", "genome", "side"]).sort_index() > 1

@@ -52,6 +52,7 @@ _METHODS = "methods="
 _SHOWN = ((0, 1, 3, 4, -5), (0, 1, 2, 3, -6))  # columns in the terminal; those of reversal learning last
 _ENOUGH = 8  # champions of a method; fewer are a smoke test
 _COURSE = (1 / 8, 1 / 4, 1 / 2)  # shares of an evolution
+_MARKS = ["experiment", "method", "seed", "mark", "robot_steps", "trials", "successes"]
 _CHAMPIONS, _RULES, _TESTS = STAGES = "evolve champions", "evolve rules for champions", "test champions"
 _PARTS = ("network", "fitness", "physics")  # groups of settings with which champions are tested as they evolved
 _NAMES = re.compile(r"[^\[\],\s'\"]+")  # in a value of a sweep, one or a list of them
@@ -162,7 +163,7 @@ class Leaderboard(ChampionStudy):
                 of_worlds.append(away)
                 if tested.has("course.csv"):
                     course = [*tested.table("course.csv").to_dict("records"), counts | {"robot_steps": steps}]
-                    courses += [whose | {"mark": mark, **row} for mark, row in enumerate(course)]
+                    courses += [whose | {"seed": seed, "mark": mark, **row} for mark, row in enumerate(course)]
                 spent["evolve_cpu_s"].append(sum(run.json(COST)["cpu_s"] for run in evolved))
                 spent["test_cpu_s"].append(tested.json(COST)["cpu_s"])
             summed = pd.concat(of_worlds).groupby("scenario", sort=False).sum().reset_index()
@@ -172,7 +173,8 @@ class Leaderboard(ChampionStudy):
         made = pd.DataFrame(champions).astype({"successes_off": "Int64", "successes_inverted": "Int64"})
         table = board.table([entry.row for entry in self.entries], made)
         every = {"champions": made, "worlds": pd.DataFrame(worlds), "leaderboard": table, "cost": pd.DataFrame(costs)}
-        return every | ({"anytime": board.anytime(pd.DataFrame(courses))} if courses else {})
+        by_champion = pd.DataFrame(courses, columns=_MARKS)
+        return every | ({"anytime": board.anytime(by_champion), "anytime_by_champion": by_champion} if courses else {})
 
     def figures(self, run: Run) -> dict[str, "Figure"]:
         """See `Study`."""
