@@ -347,8 +347,8 @@ CAPTIONS = {
         "Right: the difference to the matched control."
     ),
     "anytime": (
-        "Anytime curves: the success over the test worlds after so many robot-steps. The last point of a method is of its "
-        "champions, the others are of the fittest of that generation."
+        "Anytime curves: the success over the test worlds after so many robot-steps. The last point of a method is of "
+        "its champions, the others are of the fittest of that generation."
     ),
     "profiles": (
         "Performance profiles: the share of champions whose success exceeds the value below. A line is a method; the "
