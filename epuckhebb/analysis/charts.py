@@ -283,9 +283,10 @@ def lifetime(course: pd.DataFrame, title: str, changes: Sequence[int]) -> Figure
 
 @in_house_style()
 def returns(rows: pd.DataFrame) -> Figure:
-    """The mean return before and after a change, of each controller, with intervals: a panel for each change."""
+    """The mean return before and after a change, of each rule and its controls, with intervals: a panel a change."""
     worlds = rows.fillna({"change": ""}).groupby("change", sort=False)
-    names = list(dict.fromkeys(rows.controller))
+    rules = list(dict.fromkeys(rows.controller.str.partition(" (")[0]))
+    names = sorted(rows.controller.unique(), key=lambda name: rules.index(name.partition(" (")[0]))
     drawn = Figure(figsize=(2.2 + 2.6 * len(worlds), 1.2 + 0.28 * len(names)))
     panels = drawn.subplots(1, len(worlds), sharey=True, sharex=True, squeeze=False)[0]
     for axes, (change, own) in zip(panels, worlds, strict=True):
