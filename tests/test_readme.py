@@ -68,12 +68,12 @@ VERDICTS = {  # the paper's claims in plain words; those on rescue with obstacle
     (LIGHT, "The same N harms in high light"): "In unchanged light it harms most trials",
     (OBSTACLES, "4 obstacles defeat the GA"): "Four obstacles break most trials",
     (OBSTACLES, "N = 1.5e-05 rescues it at 4"): "Plasticity (N = 0.000015) rescues most",
-    (OBSTACLES, "Plasticity reaches the goal sooner"): "It reaches the goal sooner",
+    (OBSTACLES, "Plasticity reaches the goal sooner"): "It shortens the time to the goal",
 }
 FINDINGS = [  # a sentence, and the counts that stand in it, each with the method that it is compared with
     (
         "In a [changed world](docs/evolve_or_adapt.md), evolution that goes on from the champion recovers **{}** cases "
-        "in 80 hours of robot time; plasticity {}, shuffled signs {}.",
+        "in 80 simulated hours; plasticity, in a lifetime, {}, shuffled signs {}.",
         [
             ("evolve_or_adapt/ways", "recovered", "cases", {"world": "all", "way": way, "controller": name} | at)
             for way, name, at in (
@@ -84,13 +84,13 @@ FINDINGS = [  # a sentence, and the counts that stand in it, each with the metho
         ],
     ),
     (
-        "When the reward [changes sides](docs/reversal.md), **{}** champions learn with a modulated rule, and {} "
-        "without; {} recurrent networks learn without plasticity.",
+        "When the reward [changes sides](docs/reversal.md) within a lifetime, **{}** champions learn with a rule that a "
+        "neuron modulates, {} without it, and **{}** recurrent networks learn without plasticity.",
         [("reversal/leaderboard", "solved", "champions", {"method": name}) for name in ("modulated", "ga", "ctrnn")],
     ),
     (
-        "Robots that are [told of their arrival](docs/adaptations.md) and learn to stay rescue **{}** broken trials, "
-        "those that just stop {}, those without a network {}: the signal helps, not the learning.",
+        "With [a signal at the goal](docs/adaptations.md), robots that learn to stay rescue **{}** broken trials, robots "
+        "that simply stop {}, hand-written robots without a network {}: learning adds nothing.",
         [
             ("unseen_kinds/rescue_over_all", "rescued", "broken", {"experiment": LIGHT, "controller": name})
             for name in ("find_and_learn_to_stay (anti)", "find_and_stay", "hand_written")

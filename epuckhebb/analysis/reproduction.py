@@ -207,7 +207,7 @@ def claims_table(table: pd.DataFrame) -> Table:
         [row.experiment, row.claim, f"**{row.verdict}**", f"{row.true} of {row.n}", *_of_claim(row), row.counted]
         for row in table.itertuples()
     ]
-    head = ["experiment", "claim", "verdict", "cases", "share, or effect (the paper's)", "with shuffled signs"]
+    head = ["experiment", "claim", "verdict", "trials", "share, or change (the paper's)", "with shuffled signs"]
     return Table([*head, "which trials: what counts"], rows, "The paper's claims")
 
 
