@@ -155,9 +155,10 @@ def test_studies(folder):
 
 
 @pytest.mark.parametrize("experiment", ["light", "obstacles"])
-def test_leaderboard(experiment):
+@pytest.mark.parametrize("folder", ["leaderboard", "spikes"])
+def test_leaderboard(folder, experiment):
     """Success, interquartile mean, difference, p, and Holm's correction of a table, from its champions."""
-    board, champions = read("leaderboard/leaderboard"), read("leaderboard/champions")
+    board, champions = read(f"{folder}/leaderboard"), read(f"{folder}/champions")
     board, champions = board[board.experiment == experiment], champions[champions.experiment == experiment]
     own = {name: rows.set_index("seed") for name, rows in champions.groupby("method")}
     for _, row in board.iterrows():
@@ -165,7 +166,7 @@ def test_leaderboard(experiment):
         share = ours.successes / ours.trials
         near(row, "success", ours.successes.sum() / ours.trials.sum(), interval(ours.successes, ours.trials))
         assert row.iqm == pytest.approx(stats.trim_mean(share, 0.25))
-        if row.kind == "plain":
+        if pd.isna(row.matched_control):
             continue
         others = own[row.matched_control]
         theirs = others.successes / others.trials
@@ -183,18 +184,19 @@ def test_leaderboard(experiment):
     assert held == pytest.approx(np.sort(steps))
 
 
-def test_anytime_curves():
+@pytest.mark.parametrize(("folder", "methods"), [("leaderboard", 6), ("spikes", 4)])
+def test_anytime_curves(folder, methods):
     """Each point of the curves, from the counts of champions; the last are those of the leaderboard."""
-    counts, champions = read("leaderboard/anytime_by_champion"), read("leaderboard/champions")
-    points = read("leaderboard/anytime")
-    assert len(points) == 6 * 2 * 4
+    counts, champions = read(f"{folder}/anytime_by_champion"), read(f"{folder}/champions")
+    points = read(f"{folder}/anytime")
+    assert len(points) == methods * 2 * 4
     for _, row in points.iterrows():
         own = counts[(counts[["experiment", "method", "mark"]] == row[["experiment", "method", "mark"]]).all(axis=1)]
         near(row, "success", own.successes.sum() / own.trials.sum(), interval(own.successes, own.trials))
         assert row.robot_steps == int(own.robot_steps.mean())
     keys = ["experiment", "method", "seed", "trials", "successes", "robot_steps"]
     last = counts[counts.mark == 3][keys]
-    assert len(last.merge(champions[keys])) == len(last) == 144
+    assert len(last.merge(champions[keys])) == len(last) == methods * 2 * 12
 
 
 def test_outcomes_in_the_second_physics():

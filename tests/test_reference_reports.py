@@ -51,7 +51,7 @@ def test_the_report_of_a_leaderboard_is_that_of_its_tables(folder, committed):
     board = board.fillna({"matched_control": "", "best_plain": ""})
     described = dict(re.findall(r"^\| `(\w+)` \| ([^|]*) \|$", text, re.MULTILINE))
     described = {name: meaning for name, meaning in described.items() if name in set(board.method)}
-    named = [re.findall(r"`(\w+)`", line) for line in re.findall(r"test worlds: (.*)\.", text)]
+    named = [re.findall(r"`([\w+]+)`", line) for line in re.findall(r"test worlds: (.*)\.", text)]
     tests = dict(zip(board.experiment.unique(), named or [[]], strict=True))
     captions = {name: caption for caption, name in re.findall(r"!\[(.*)\]\(figures/(.*)\)", text)}
     committed(path, leaderboard.markdown(board, worlds, costs, described, tests, text.splitlines()[2], captions))
