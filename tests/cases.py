@@ -92,7 +92,6 @@ def first_of(cases, ordinary=1):
 
 
 @cache
-@cache
 def world_named(name):
     """A world by the name that tables have: of its scenario, and of its changes."""
 

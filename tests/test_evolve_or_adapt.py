@@ -78,6 +78,10 @@ def test_a_job_judges_at_the_fixed_generations_alone(study):
     assert set(recovery.way) == {study.FIXED, *study.RULES, *study.EVOLUTIONS}
     assert set(recovery.generation) == {0, 1}
     assert (recovery.robot_hours == 5.0 * recovery.generation).all()
+
+
+@pytest.mark.thorough
+def test_a_job_of_seasons_has_all_devices_and_one_of_innateness_all_ways(study):
     seasons = {"experiment": "light", "champion": 6, "periods": [1], "generations": 2, "repeats": 1}
     rows = study.EvolveOrAdapt.do(seasons)["seasons"]
     assert set(rows.device) == {study.FIXED, *study.DEVICES}

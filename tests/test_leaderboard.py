@@ -44,11 +44,11 @@ METHODS = {
     "wrong_setting": "champions_of: tiny\nevaluate: {hebbian: oja, hebbian.nn: 2}",
 }
 FEW = """# @package _global_
-# Two test worlds.
+# Two test worlds of one experiment, one of the other.
 hydra:
   sweeper:
     params:
-      scenario: base, 4obstacles, base_half
+      scenario: base, 4obstacles, base_half, lowlight
 """
 ASKED = ["leaderboard", "obstacles", "tests=[few]", "champions=2", "repeats=1", "hydra/launcher=basic"]
 MADE = [*ASKED, "methods=only_rule,paper_over", "--config-dir"]
@@ -380,7 +380,8 @@ def test_a_mistake_gets_one_message_and_leaves_nothing(mistake, conf, here):
     assert list(here.iterdir()) == []
 
 
-def test_several_experiments_stand_in_one_table():
-    planned = leaderboard.plan("obstacles,light", ["methods=ga", "champions=2"])
+def test_several_experiments_stand_in_one_table(conf):
+    words = ["methods=ga", "champions=2", "tests=[few]"]
+    planned = leaderboard.plan("obstacles,light", words, config_dir=str(conf))
     assert [entry.row.experiment for entry in planned.study.entries] == ["light", "obstacles"]
-    assert planned.folder == leaderboard.plan("light", ["methods=ga", "champions=2"]).folder
+    assert planned.folder == leaderboard.plan("light", words, config_dir=str(conf)).folder

@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
-from cases import SHORT, refused
+from cases import SHORT, first_of, refused
 from joblib import cpu_count
 
 from epuckhebb.controller.network import PAPER_NETWORK
@@ -76,7 +76,7 @@ def test_a_closed_stream_leads_nowhere():
 
 
 @pytest.mark.usefixtures("here")
-@pytest.mark.parametrize("stream", ["stdout", "stderr"])
+@pytest.mark.parametrize("stream", first_of(["stdout", "stderr"]))
 def test_a_reader_that_stops_does_not_stop_the_work(stream):
     tiny = ["champions=1", "repeats=1", "rates=[0.002]", "ga.population=4", "ga.elites=1", "ga.generations=1"]
     study = ["obstacles", *tiny, "ga.loops=1", "hydra/launcher=basic", "hydra.sweep.dir=study"]

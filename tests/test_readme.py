@@ -84,13 +84,13 @@ FINDINGS = [  # a sentence, and the counts that stand in it, each with the metho
         ],
     ),
     (
-        "When the reward [changes sides](docs/reversal.md) within a lifetime, **{}** champions learn with a rule that a "
-        "neuron modulates, {} without it, and **{}** recurrent networks learn without plasticity.",
+        "When the reward [changes sides](docs/reversal.md) within a lifetime, **{}** champions learn with a rule that "
+        "a neuron modulates, {} without it, and **{}** recurrent networks learn without plasticity.",
         [("reversal/leaderboard", "solved", "champions", {"method": name}) for name in ("modulated", "ga", "ctrnn")],
     ),
     (
-        "With [a signal at the goal](docs/adaptations.md), robots that learn to stay rescue **{}** broken trials, robots "
-        "that simply stop {}, hand-written robots without a network {}: learning adds nothing.",
+        "With [a signal at the goal](docs/adaptations.md), robots that learn to stay rescue **{}** broken trials, "
+        "robots that simply stop {}, hand-written robots without a network {}: learning adds nothing.",
         [
             ("unseen_kinds/rescue_over_all", "rescued", "broken", {"experiment": LIGHT, "controller": name})
             for name in ("find_and_learn_to_stay (anti)", "find_and_stay", "hand_written")
