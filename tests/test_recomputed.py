@@ -257,6 +257,20 @@ def test_legs():
     assert np.sort(rows.p_holm) == pytest.approx(steps)
 
 
+def test_anti_hebbian():
+    """Both rates, gains, and Cohen's d with its interval, from the table by network."""
+    gains, rates = read("anti_hebbian/gains"), read("anti_hebbian/rates")
+    for row in read("anti_hebbian/effects").itertuples():
+        own = gains[(gains.world == row.world) & (gains.change == row.change)]
+        tried = rates[(rates.world == row.world) & (rates.change == row.change)].set_index(["sign", "rate"]).gain
+        assert (tried["hebbian"].idxmax(), tried["anti"].idxmax()) == (row.rate_hebbian, row.rate_anti)
+        assert (own.gain_hebbian.mean(), own.gain_anti.mean()) == pytest.approx((row.gain_hebbian, row.gain_anti))
+        d = (own.gain_anti - own.gain_hebbian) / np.sqrt((own.gain_hebbian.var() + own.gain_anti.var()) / 2)
+        assert (len(own), d.mean()) == (row.networks, pytest.approx(row.d))
+        again = stats.bootstrap((d,), np.mean, method="percentile", rng=1).confidence_interval
+        assert (row.d_low, row.d_high) == pytest.approx((again.low, again.high), abs=0.01)
+
+
 def test_many_obstacles():
     """The table and the p values of 110 champions on the page of the reproduction."""
     page = (REFERENCE.parents[1] / "docs" / "reproduction.md").read_text()

@@ -114,14 +114,19 @@ class AntiHebbian(epuckhebb.Study):
         return {"networks": pd.DataFrame(rows)}
 
     def tables(self, runs):
-        """Cohen's d of anti over Hebb, each at the rate with the highest mean gain in episodes of its own."""
+        """Cohen's d of anti over Hebb, each at the rate with the highest mean gain in episodes of its own.
+
+        With it go these mean gains, and the gains of each network in fresh episodes at the rates that were chosen.
+        """
         rows = pd.concat([run.table("networks.csv") for run in runs])
-        effects = []
+        effects, gains, chosen = [], [], rows[rows.purpose == CHOOSE]
         for (world, change), own in rows.groupby(["world", "change"], sort=False):
             means = own[own.purpose == CHOOSE].groupby(["sign", "rate"]).gain.mean()
             best = {sign: means[sign].idxmax() for sign in ("hebbian", "anti")}
             fresh = own[own.purpose == FRESH].set_index(["sign", "rate", "network"]).gain.sort_index()
-            hebb, anti = (fresh[sign, best[sign]].to_numpy() for sign in ("hebbian", "anti"))
+            pairs = pd.DataFrame({f"gain_{sign}": fresh[sign, best[sign]] for sign in ("hebbian", "anti")})
+            gains.append(pairs.reset_index().assign(world=world, change=change))
+            hebb, anti = pairs.to_numpy().T
             spread = np.sqrt((hebb.var(ddof=1) + anti.var(ddof=1)) / 2) or np.nan
             difference = (anti - hebb) / spread
             low, high = bootstrap(lambda drawn: drawn.mean(axis=-1), difference)
@@ -139,4 +144,5 @@ class AntiHebbian(epuckhebb.Study):
                     "d_high": high,
                 }
             )
-        return {"effects": pd.DataFrame(effects)}
+        rates = chosen.groupby(["world", "change", "sign", "rate"], sort=False).gain.mean().reset_index()
+        return {"effects": pd.DataFrame(effects), "rates": rates, "gains": pd.concat(gains)}
