@@ -109,6 +109,8 @@ def test_show_figure_and_replay_know_an_environment():
     assert "weak_leg" in done("keys", "environment").stdout
     assert "in environment cartpole" in done("show", "plain").stdout
     assert "without plasticity" in done("show", "tested").stdout
+    alone = ["genome=abcd", "environment=cartpole", "hebbian=none", "repeats=1", "hydra.run.dir=rule_off"]
+    assert "evolved with the rule abcd, which is off" in done("evaluate", *alone).stdout
     assert done("figure", "tested").stdout.split() == ["lifetime"]
     done("figure", "tested", "lifetime", "--format", "svg")
     done("figure", "plain", "learning")

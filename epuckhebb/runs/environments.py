@@ -31,6 +31,7 @@ from epuckhebb.controller.compiling.sources import own_code
 from epuckhebb.controller.controller import Controller
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.plasticity.control import Sign, signs
+from epuckhebb.controller.plasticity.rule import NoRule
 from epuckhebb.controller.random import Stream
 from epuckhebb.evolution.evolve import Generation, search_generations
 from epuckhebb.evolution.search import check_start
@@ -190,8 +191,10 @@ class PreparedEnvironmentEvaluation:
     @property
     def notes(self) -> list[str]:
         """What a reader must know beside the table."""
-        trained = self.genome.environment
-        return [] if trained in ("", self.config.world.name) else [f"This champion was evolved in {trained}."]
+        trained, rule = self.genome.environment, self.genome.rule
+        notes = [] if trained in ("", self.config.world.name) else [f"This champion was evolved in {trained}."]
+        is_off = rule and isinstance(self.config.rule, NoRule)
+        return notes + ([f"This champion was evolved with the rule {rule}, which is off here."] if is_off else [])
 
     @property
     def lifetime_ids(self) -> dict[str, str]:
