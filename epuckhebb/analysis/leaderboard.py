@@ -348,7 +348,7 @@ CAPTIONS = {
     ),
     "anytime": (
         "Anytime curves: the success over the test worlds after so many robot-steps. The last point of a method is of "
-        "its champions, the others are of the fittest of that generation."
+        "its champions, the others are of the fittest of that generation. Bands are 95 % intervals."
     ),
     "profiles": (
         "Performance profiles: the share of champions whose success exceeds the value below. A line is a method; the "

@@ -108,9 +108,14 @@ def _curves(
     for axes, (experiment, own) in zip(panels, groups, strict=True):
         best = own.loc[own.groupby("kind").success.idxmax()].set_index("method").kind
         for method in sorted(own.method, key=lambda name: name in best):
-            line = curve(rows[(rows.experiment == experiment) & (rows.method == method)])
-            look = {"color": KIND[best[method]], "linewidth": 2.2, "label": plain(method)} if method in best else {}
-            axes.plot(*line, **{"color": "#dddddd", "linewidth": 0.8, **style, **look})
+            mine = rows[(rows.experiment == experiment) & (rows.method == method)]
+            line, look = curve(mine), {"color": "#c4c4c4", "linewidth": 0.8, **style}
+            if method in best:
+                look |= {"color": KIND[best[method]], "linewidth": 2.2, "label": plain(method)}
+                if "success_low" in mine:
+                    band = {"color": look["color"], "alpha": 0.12, "linewidth": 0, "zorder": 0}
+                    axes.fill_between(line[0], mine.success_low, mine.success_high, **band)
+            axes.plot(*line, **look)
         axes.set(ylim=(0, 1.02), title=f"{leaderboard.title(experiment)}, n = {own.champions.max()}")
         axes.legend()
     return drawn
