@@ -181,7 +181,6 @@ def test_effects_are_those_of_scipy_on_means_of_champions():
     assert (found.p_holm >= found.p).all()
 
 
-@pytest.mark.thorough
 @pytest.mark.usefixtures("runs")
 def test_a_sweep_of_ones_own_takes_rule_and_network_from_each_champion():
     Path("own/experiment").mkdir(parents=True, exist_ok=True)

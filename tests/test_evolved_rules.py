@@ -250,7 +250,7 @@ def test_a_champion_keeps_the_shuffled_signs_with_which_it_evolved(monkeypatch, 
     words = ["hebbian=baldwin", "hebbian.sign=shuffled"]
     done("evolve", *words, *TINY, "optimizer.generations=1", "seed=5", "threads=1", "hydra.run.dir=evolved")
     genome, other = load_genome("evolved", ""), load_genome("reference", "light")
-    controllers, left = [Controller("own", Paper(N=0.1, sign=Sign.shuffled))], [(0, "left", 0)]
+    controllers, left = [Controller(name="own", rule=Paper(N=0.1, sign=Sign.shuffled))], [(0, "left", 0)]
     rest = (None, genome.plan, genome.network, 1)
     (own,) = individuals_for(genome.genes, controllers, left, *rest, genome.signs)
     np.testing.assert_array_equal(own.signs, random.rng(5, random.Stream.shuffled_signs).choice([-1.0, 1.0], 234))

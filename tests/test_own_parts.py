@@ -529,9 +529,10 @@ def test_a_champion_of_other_parts_is_refused_or_the_difference_said():
     wiring, fitness, sensors = PARTS[:2], PARTS[2:4], PARTS[4:]
     assert "own sensors GoalDistance, FloorPatch" in refused("evaluate", "genome=evolved", *wiring, *SHORT)
     said = refused("evaluate", "genome=evolved", *sensors, *SHORT)
-    assert "is for network.wiring=Ring, and the settings have network.wiring=mlp" in said
+    assert "is for network.wiring=Ring, the settings have network.wiring=mlp" in said
     said = refused("evaluate", "genome=reference", *wiring, *SHORT)
-    assert "is for network.wiring=mlp, and the settings have network.wiring=Ring" in said
+    assert "is for a network 16-7-5-8-4-2" in said
+    assert "network.wiring=Ring" in said
     assert "of 176" in refused("evaluate", "genome=evolved", *wiring[:1], *sensors, *SHORT)
     for words, text in (([], "fitness Explorer (here paper)"), (fitness, "")):
         more = [*wiring, *sensors, *words, "hebbian=none", "lifetime.record_every=0"]

@@ -90,7 +90,7 @@ FINDINGS = [  # a sentence, and the counts that stand in it, each with the metho
     ),
     (
         "With [a signal at the goal](docs/adaptations.md), robots that learn to stay rescue **{}** broken trials, "
-        "robots that simply stop {}, hand-written robots without a network {}: learning adds nothing.",
+        "robots that simply stop {}, hand-written robots without a network {}: here learning adds nothing.",
         [
             ("unseen_kinds/rescue_over_all", "rescued", "broken", {"experiment": LIGHT, "controller": name})
             for name in ("find_and_learn_to_stay (anti)", "find_and_stay", "hand_written")

@@ -29,7 +29,7 @@ REFUSED = {
     BOMB: "mine.yaml: its aliases stand for",
     "? [1, 2]\n: 3\n": "mine.yaml, line 1: while constructing a mapping, found unhashable key",
     "# @package a b\nlight: 0.2\n": "Too many components in",
-    "light: ${\n": "light",
+    "light: ${\n": "scenario/mine.yaml",
     "- light\n": "scenario/mine",
     "defaults: 5\n": "scenario/mine",
     "defaults: [{1: base}]\n": "scenario=mine",

@@ -274,12 +274,11 @@ def sweep(
     options: StudyOptions,
 ) -> None:
     """A named sweep or your own study; again, it does the rest."""
-    from epuckhebb.runs import as_evolved
     from epuckhebb.studies.study import plan_own
     from epuckhebb.studies.sweep import plan
 
     config_dir, words = options.config_dir, with_genomes_named(overrides)
-    planned = plan_own(name, words) if ".py:" in name else plan(name, as_evolved(words, config_dir), config_dir)
+    planned = plan_own(name, words) if ".py:" in name else plan(name, words, config_dir)
     run_study(planned, options, dry_run=dry_run)
 
 

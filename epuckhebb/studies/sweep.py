@@ -32,7 +32,7 @@ from epuckhebb.config import (
     swept_values,
 )
 from epuckhebb.controller.ranges import check_values
-from epuckhebb.runs import evaluate_into, hydra, prepare_evaluation
+from epuckhebb.runs import as_evolved, evaluate_into, hydra, prepare_evaluation
 from epuckhebb.runtime import ConfigError, say
 from epuckhebb.store import Genome, Run, RunFolder, as_bytes, digest, fingerprint, load_genome, write_atomic
 from epuckhebb.studies.jobs import NO_EFFECT, Job, Outcome, split
@@ -111,14 +111,16 @@ class Sweep(Study):
 
 def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Planned:
     """List the jobs of a sweep, each composed and checked; two that would do the same are one."""
-    own, of_hydra = split("sweep", arguments)
-    named = [f"experiment={name}"]
-    command, (_, *own) = for_hydra("evaluate", [*named, *own])
-    check_words(command, own, several=True)
+    named, (own, of_hydra) = [f"experiment={name}"], split("sweep", arguments)
     no_launcher = [word for word in of_hydra if not word.startswith("hydra.launcher.")]  # it is chosen for the jobs
     params = swept_values([*named, *no_launcher], config_dir)
     if not params:
         raise ConfigError(f"experiment={name} has no hydra.sweeper.params: it is one job, for `epuckhebb evaluate`")
+    if "genome" not in params or any(word.startswith("genome=") for word in own):  # else champions are the sweep's
+        arguments = as_evolved(arguments, config_dir)
+        own, _ = split("sweep", arguments)
+    command, (_, *own) = for_hydra("evaluate", [*named, *own])
+    check_words(command, own, several=True)
     choices = alternatives(readable([*(f"{key}={values}" for key, values in params.items()), *own]))
     listed: dict[str, Job] = {}
     identities, again = Identities(), 0
