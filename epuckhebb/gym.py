@@ -14,7 +14,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from epuckhebb.config import EvolveConfig, check_library, load, overrides_of, values_of
+from epuckhebb.config import EvolveConfig, load, overrides_of, values_of
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.network import PAPER_NETWORK, WEIGHT_LIMIT, GivenOutputs, Network
 from epuckhebb.controller.plasticity.rule import NO_RULE
@@ -65,7 +65,6 @@ class TMaze(gymnasium.Env[Floats, Floats]):
                 raise ConfigError(f"{name} does nothing here; overrides set {', '.join(_OF_WORLD)}")
         config = load(EvolveConfig, words, None if config_dir is None else str(config_dir))
         self.world, self.lifetime, self.reward, self.side = config.world, config.lifetime, reward, side
-        check_library(self.world)
         self.network = GivenOutputs((self.world.inputs, OUTPUTS), self.world.task.gives_reward)
         lowest = np.zeros(self.world.inputs)
         lowest[self.world.robot.inputs :] = -1.0

@@ -9,7 +9,6 @@ import pytest
 from cases import contents, done, first_of, refused, world_named
 
 import epuckhebb
-from epuckhebb.cli import completion
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvolveConfig, plain, typed
 from epuckhebb.runtime.conf import groups, rows
@@ -184,8 +183,6 @@ def test_python_has_changes():
     assert list(dict.fromkeys(rows.scenario)) == ["base_ir_low_slip", "base"]
 
 
-def test_the_tab_key_and_the_keys_have_changes(monkeypatch):
-    monkeypatch.setenv("COMP_WORDS", "")
-    assert completion.complete_override("evaluate", "change=slip_l") == ["change=slip_left"]
+def test_the_keys_have_changes():
     assert groups("evaluate")["change"] == groups("evolve")["change"] == sorted(rows("change"))
     assert "a worn tyre" in done("keys", "change").stdout

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from epuckhebb.analysis import claims, findings, published, report, rescue
+from epuckhebb.analysis import claims, findings, published, report
 from epuckhebb.analysis.statistics import (
     bootstrap,
     difference,
@@ -299,27 +299,6 @@ def one_sided():
         outcomes |= {("l", scenario, GA, 0.0): (3, 0), ("m", scenario, GA, 0.0): m}
         outcomes |= {("l", scenario, HEBBIAN, N): (3, 0), ("m", scenario, HEBBIAN, N): (0, 3)}
     return findings.trials(lifetimes(outcomes))
-
-
-def test_retention_counts_one_sided_champions_apart():
-    found = findings.retention(findings.rescue_by_champion(one_sided())).set_index(["controller", "solves"])
-    columns = ["champions", "trials", "retained"]
-    assert found.loc[(GA, "any"), columns].tolist() == [2, 6, 3]  # l: 2 of 2, m: 1 of 4
-    assert found.loc[(GA, "both"), columns].tolist() == [1, 4, 1]
-    assert found.loc[(HEBBIAN, "any"), columns].tolist() == [2, 6, 4]
-    assert found.loc[(HEBBIAN, "both"), columns].tolist() == [1, 4, 2]
-    assert found.share[GA, "both"] == 0.25
-    page = rescue.retention_table(found.reset_index()).markdown()
-    assert "| GA | 3 of 6: 0.50, 2 champions | 1 of 4: 0.25, 1 champion |" in page
-
-
-def test_retention_where_nothing_is_solved():
-    each = one_sided()
-    alone = findings.rescue_by_champion(each[each.genome == "l"])
-    found = findings.retention(alone).set_index(["controller", "solves"])
-    assert found.trials[GA, "both"] == 0
-    assert math.isnan(found.share[GA, "both"])
-    assert "| GA | 2 of 2: 1.00, 1 champion | 0 of 0 |" in rescue.retention_table(found.reset_index()).markdown()
 
 
 def test_success_counts_champions():

@@ -11,7 +11,6 @@ import pytest
 from cases import call, described_columns, done, first_of, refused
 
 from epuckhebb.analysis import leaderboard as board
-from epuckhebb.cli import completion
 from epuckhebb.runs import earlier_champions
 from epuckhebb.runtime.conf import groups
 from epuckhebb.runtime.errors import ConfigError
@@ -79,7 +78,7 @@ def test_it_leaves_tables_a_figure_and_a_page(made):
     folder, result = made
     assert "paper_over" in result.stdout
     names = {file.name for file in folder.iterdir()}
-    assert {"leaderboard.csv", "champions.csv", "worlds.csv", "cost.csv", "report.md"} <= names
+    assert {"leaderboard.csv", "champions.csv", "worlds.csv", "report.md"} <= names
     for table in folder.glob("*.csv"):
         assert list(pd.read_csv(table, nrows=0)) == described_columns(table.name)
     assert (folder / "figures" / "leaderboard_obstacles.png").read_bytes().startswith(b"\x89PNG")
@@ -239,12 +238,6 @@ def test_methods_that_differ_in_training_or_optimizer_alone_are_one_in_reversal_
 
 
 # Methods
-
-
-def test_the_tab_key_offers_methods():
-    assert "methods=modulated" in completion.complete_override("leaderboard", "meth")
-    assert completion.complete_override("leaderboard", "methods=abcd_s") == ["methods=abcd_shared"]
-    assert not [offer for offer in completion.complete_override("leaderboard", "") if offer.startswith("method=")]
 
 
 @pytest.mark.thorough

@@ -39,7 +39,7 @@ def test_the_report_of_a_study_is_that_of_its_tables(folder, committed):
     champions, names, repeats = re.search(
         r"(\d+) champions of each experiment, (`.*?` to `.*?`)\..*half of its (\d+) ", path.read_text()
     ).groups()
-    own = tables(folder, "rescue_over_all", "rescue_and_harm", "retention")
+    own = tables(folder, "rescue_over_all", "rescue_and_harm")
     committed(path, rescue.markdown(*own, int(champions), int(repeats), names))
 
 
@@ -47,20 +47,20 @@ def test_the_report_of_a_study_is_that_of_its_tables(folder, committed):
 def test_the_report_of_a_leaderboard_is_that_of_its_tables(folder, committed):
     path = folder / "report.md"
     text = path.read_text()
-    board, worlds, costs = tables(folder, "leaderboard", "worlds", "cost")
+    board, worlds = tables(folder, "leaderboard", "worlds")
     board = board.fillna({"matched_control": "", "best_plain": ""})
     described = dict(re.findall(r"^\| `(\w+)` \| ([^|]*) \|$", text, re.MULTILINE))
     described = {name: meaning for name, meaning in described.items() if name in set(board.method)}
     named = [re.findall(r"`([\w+]+)`", line) for line in re.findall(r"test worlds: (.*)\.", text)]
     tests = dict(zip(board.experiment.unique(), named or [[]], strict=True))
     captions = {name: caption for caption, name in re.findall(r"!\[(.*)\]\(figures/(.*)\)", text)}
-    committed(path, leaderboard.markdown(board, worlds, costs, described, tests, text.splitlines()[2], captions))
+    committed(path, leaderboard.markdown(board, worlds, described, tests, text.splitlines()[2], captions))
 
 
 def test_the_report_of_the_reproduction_is_that_of_its_tables(committed):
     path = REFERENCE / "report.md"
     text = path.read_text()
-    names = ("claims", "success", "rescue_and_harm", "retention", "comparison")
+    names = ("claims", "success", "rescue_and_harm", "comparison")
     own = dict(zip(names, tables(REFERENCE, *names), strict=True))
     titles = yaml.safe_load((data_folder("conf") / "paper" / "tables.yaml").read_text())
     shown = {}

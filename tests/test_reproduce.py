@@ -44,7 +44,6 @@ def test_it_leaves_a_report_and_its_tables(made):
         "claims",
         "success",
         "rescue_and_harm",
-        "retention",
         "doses",
         "rescue_over_all",
         "comparison",

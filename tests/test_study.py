@@ -81,9 +81,8 @@ def test_traces_are_of_the_first_repeat(evaluated):
 
 def test_table_in_the_papers_layout(evaluated, golden):
     rows, _ = evaluated
-    table = tables.paper_table(rows.to_dict("records"))
-    rounded = {place: {name: round(mean, 9) for name, mean in means.items()} for place, means in table.items()}
-    golden("table.csv", as_bytes(tables.flat(rounded)).decode())
+    table = tables.paper_table(rows)
+    golden("table.csv", as_bytes(tables.flat(table.round(9))).decode())
     golden("table.md", tables.to_markdown(table))
 
 
@@ -91,17 +90,16 @@ def test_time_to_goal_is_the_mean_of_those_that_arrived(evaluated):
     rows = evaluated[0].copy()
     rows["time_to_goal_s"] = np.nan
     rows.loc[rows.index[0], "time_to_goal_s"] = 12.5
-    text = tables.formatted(tables.paper_table(rows.to_dict("records")))
-    assert [cells["Time-to-Goal (s)"] for cells in text.values()] == ["12.50", "–", "–", "–"]
+    assert [*tables.formatted(tables.paper_table(rows)).loc["Time-to-Goal (s)"]] == ["12.50", "–", "–", "–"]
 
 
 def test_saturated_weights_are_counted():
     bound = 2.0
     assert saturated_fraction(np.array([0.0, 1.98, 1.991, -2.0]), bound) == 0.5
     shares = {"GA": 0.9, "mild": 0.5, "Hebbian": 0.872}
-    *others, much = [{"controller": name, "saturated_fraction": share} for name, share in shares.items()]
-    assert "87 % (Hebbian)." in tables.saturation([*others, much])
-    assert tables.saturation(others) == ""
+    rows = pd.DataFrame({"controller": shares.keys(), "saturated_fraction": shares.values()})
+    assert "87 % (Hebbian)." in tables.saturation(rows)
+    assert tables.saturation(rows[:2]) == ""
 
 
 def test_weights_end_at_their_bound_at_a_large_rate():

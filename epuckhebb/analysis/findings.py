@@ -1,4 +1,4 @@
-"""Findings over many champions: success, rescue and harm, and retention.
+"""Findings over many champions: success, rescue and harm.
 
 `metrics` is the table of all lifetimes, with the columns of `epuckhebb.analysis.evaluate`; `genome` is the champion.
 All intervals and p values take champions as the independent unit: see `epuckhebb.analysis.statistics`.
@@ -131,32 +131,6 @@ def rescue_over_all(by_champion: pd.DataFrame) -> pd.DataFrame:
         row = dict(zip(("experiment", "controller", "N"), cell, strict=True))
         row |= _counts(own[["broken", "rescued", "intact", "harmed"]])
         rows.append(row | {"training_harmed": own.training_harmed.sum(), "training_solved": own.solves.sum()})
-    return pd.DataFrame(rows)
-
-
-def retention(by_champion: pd.DataFrame) -> pd.DataFrame:
-    """How many of the trials solved in training succeed in the changed worlds, for the GA and for each plasticity.
-
-    A trial here is a champion, a side and a changed world; it is solved in training if the GA solves that side in the
-    training world. A champion that always turns left keeps its one side in nearly every world, though it has learned
-    nothing that a change could break. There are therefore two rows for each plasticity: `solves` is "any" for all
-    these trials, and "both" for those of champions that solve both sides in training.
-
-    by_champion: of `rescue_by_champion`. Columns: experiment, controller, N, solves, champions (that have such trials),
-    trials, retained, share, low, high.
-    """
-    rows = []
-    for cell, own in by_champion.groupby(["experiment", "controller", "N"], sort=False):
-        for solves, least in (("any", 1), ("both", 2)):
-            among = own[own.solves >= least]
-            retained = (among.intact - among.harmed + among.rescued).to_numpy(np.int64)
-            trials = (among.intact + among.broken).to_numpy(np.int64)
-            low, high = wilson_by_champion(retained, trials)
-            rows.append(
-                dict(zip(("experiment", "controller", "N"), cell, strict=True))
-                | {"solves": solves, "champions": len(among), "trials": trials.sum(), "retained": retained.sum()}
-                | {"share": ratio(int(retained.sum()), int(trials.sum())), "low": low, "high": high}
-            )
     return pd.DataFrame(rows)
 
 

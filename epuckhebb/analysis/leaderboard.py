@@ -9,10 +9,12 @@ leaderboard is computed from it.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+import yaml
 from numpy.typing import NDArray
 
 from epuckhebb.analysis import findings
@@ -40,6 +42,8 @@ _DIFFERENCE = ("difference", "difference_low", "difference_high", "p")
 _IMPROVEMENT = ("improvement", "improvement_low", "improvement_high")
 _BEST_PLAIN = [f"best_plain_{name}" for name in _DIFFERENCE]
 _SAME_BUDGET = 0.1  # robot-steps may differ by this share
+_TEXTS = yaml.safe_load(Path(__file__).with_suffix(".yaml").read_text(encoding="utf-8"))  # of the page
+CAPTIONS: Mapping[str, str] = _TEXTS["captions"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -225,8 +229,8 @@ def _improvement(own: pd.DataFrame, others: pd.DataFrame) -> dict[str, float]:
     return dict(zip(_IMPROVEMENT, better, strict=True))
 
 
-def readable(own: pd.DataFrame, worlds: pd.DataFrame, costs: pd.DataFrame | None = None) -> Table:
-    """The rows of an experiment as a table to read; costs: CPU seconds, for two more columns.
+def readable(own: pd.DataFrame, worlds: pd.DataFrame) -> Table:
+    """The rows of an experiment as a table to read.
 
     worlds: a row for each method and test world. Sweeps have columns of their own where there are several.
     """
@@ -259,9 +263,6 @@ def readable(own: pd.DataFrame, worlds: pd.DataFrame, costs: pd.DataFrame | None
             cells["reward inverted"] = with_interval(row, "success_inverted")
         cells["evolved parameters"] = f"{row.evolved_parameters}"
         cells["million robot-steps"] = f"{row.robot_steps / 1e6:.1f}"
-        if costs is not None:
-            cost = _of(costs, experiment, str(row.method)).iloc[0]
-            cells |= {"CPU s to evolve": f"{cost.evolve_cpu_s:.0f}", "CPU s to test": f"{cost.test_cpu_s:.1f}"}
         rows.append(cells)
     return Table(
         list(rows[0]), [list(cells.values()) for cells in rows], f"{title(experiment)} (95 % interval)", text=2
@@ -271,7 +272,6 @@ def readable(own: pd.DataFrame, worlds: pd.DataFrame, costs: pd.DataFrame | None
 def markdown(
     board: pd.DataFrame,
     worlds: pd.DataFrame,
-    costs: pd.DataFrame,
     methods: Mapping[str, str],
     tests: Mapping[str, Sequence[str]],
     provenance: str,
@@ -279,17 +279,16 @@ def markdown(
 ) -> str:
     """The page.
 
-    worlds: a row for each method and test world. costs: CPU seconds, a row for each method and experiment. methods:
-    each with its description. tests: the test worlds of each experiment. provenance: lines on the origin of the data.
-    captions: of the figures, in order.
+    worlds: a row for each method and test world. methods: each with its description. tests: the test worlds of each
+    experiment. provenance: lines on the origin of the data. captions: of the figures, in order.
     """
-    parts = ["# Leaderboard\n", f"{provenance}\n", _TERMS]
+    parts = ["# Leaderboard\n", f"{provenance}\n", _TEXTS["terms"]]
     for experiment, own in board.groupby("experiment", sort=False):
-        tested, where = tests[str(experiment)], _TERMS_REVERSAL
+        tested, where = tests[str(experiment)], _TEXTS["terms_reversal"]
         if tested:
             names = ", ".join(map(code, tested))
             where = f"Training world: {code(TRAINED[str(experiment)])}. {len(tested)} test worlds: {names}.\n"
-        parts += [f"## {title(str(experiment))}\n", where, readable(own, worlds, costs).markdown()]
+        parts += [f"## {title(str(experiment))}\n", where, readable(own, worlds).markdown()]
     parts += [
         "## Figures\n",
         *pictures(captions),
@@ -302,56 +301,3 @@ def markdown(
 def title(experiment: str) -> str:
     """The heading of the table of an experiment."""
     return "Reversal learning" if experiment == REVERSAL else f"The {experiment} experiment"
-
-
-_TERMS_REVERSAL = """\
-The positive control: a task that cannot be solved without memory of the reward.
-
-- A *trial* is one of the many of a lifetime. It succeeds if the robot reaches the rewarded end. At a trial that is
-  drawn, or never, the other end becomes the rewarded one.
-- All methods are evolved by the GA with `ga=reversal`, in one world. Only their rules or networks differ. A method
-  that differs in training, optimizer or adaptation alone has no row.
-- *Learn*: champions with a share of rewarded trials nearer to the optimum than to chance.
-- *Reward inverted*: the same champions on the same random numbers; the modulatory neuron, or a recurrent network,
-  receives the reward with the opposite sign. A robot that learns from the reward now goes to the wrong end.
-"""
-_TERMS = """\
-- A *trial* is one champion, one side and one test world. It succeeds if more than half of its repeats do.
-- *Solves both sides in training*: champions that succeed on the left and on the right in their training world.
-- *Retention*: success over the test worlds of these champions alone. A champion that always turns to one side solves
-  half of all trials and has learned nothing.
-- *Best champion*: the success of the champion that does best in these trials. It is chosen by this number, which is
-  therefore a little too high.
-- *Matched control*: the same optimizer, training worlds, fitness and robot-steps, without plasticity. For a method
-  added after evolution: the same champions without it. That difference is paired, and p is from an exact sign-flip
-  test. Champions that evolved apart are two groups: p is from an exact permutation test. *Better with*: the probability
-  that a champion of the method exceeds one of the control.
-- *Best without plasticity*: of the methods that took as many robot-steps, to a tenth, the one with the highest success.
-  It is chosen by this number, which is therefore a little too high.
-- All p values of a table are corrected together (Holm).
-- *Interquartile mean*: of the champions without the best and the worst quarter.
-- *Knowledge*: what a method uses. Rows are ordered by class of knowledge: senses, live fitness, clock, goal signal;
-  last the hand-written robot, whose network is never used. Compare a row with `stay`, which halts where
-  it is given the goal signal, and with `hand_written`: that much comes of the knowledge alone.
-- *Rule off*: the same champions on the same random numbers, without plasticity.
-- *Evolved parameters*, *robot-steps* and CPU seconds are of one champion, with the evolution of the champion that a
-  method is added to. CPU seconds depend on the machine: they are on this page and in `cost.csv` alone. All other
-  tables are bit-identical when they are made again.
-- Intervals are 95 %, by champion; fewer than six have none. Those of shares are Wilson's with the design effect of
-  champions, the others are from a bootstrap.
-"""
-CAPTIONS = {
-    "leaderboard": (
-        "Left: success over the test worlds, or share of rewarded trials, of each method, with its 95 % interval. "
-        "Small dots are single champions. A cross is the same with the rule off, a triangle with the reward inverted. "
-        "Right: the difference to the matched control."
-    ),
-    "anytime": (
-        "Anytime curves: the success over the test worlds after so many robot-steps. The last point of a method is of "
-        "its champions, the others are of the fittest of that generation. Bands are 95 % intervals."
-    ),
-    "profiles": (
-        "Performance profiles: the share of champions whose success exceeds the value below. A line is a method; the "
-        "best of each kind has its name."
-    ),
-}

@@ -44,13 +44,11 @@ class Gathered(NamedTuple):
     """The lifetimes of many evaluations.
 
     rows: one row a lifetime: `Evaluated.place`, a column for each key without a column of its own, `COLUMNS`.
-    settings: the columns that name the condition of a row. repeated: a line on evaluations that repeat others, or
-    empty.
+    settings: the columns that name the condition of a row.
     """
 
     rows: pd.DataFrame
     settings: list[str]
-    repeated: str
 
 
 def gather(evaluations: Sequence[Evaluated]) -> Gathered:
@@ -63,21 +61,20 @@ def gather(evaluations: Sequence[Evaluated]) -> Gathered:
     more = [key for key in keys if key not in OWN_COLUMN]
     place = list(evaluations[0].place) if evaluations else []
     names, frames = _names(evaluations), []
-    for number, one in enumerate(evaluations):
+    for one in evaluations:
         first = {**one.place, **{_column(key): one.settings.get(key, "") for key in more}}
         frame = pd.concat([pd.DataFrame(first, index=one.rows.index), one.rows], axis=1)
         frame["genome"] = names[_where(one), one.sha256]
         for column in (_column(key) for key in keys if is_of_plasticity(key) and key != "hebbian.N"):
             alone = frame.controller == GA
             frame[column] = [ANY if is_alone else value for is_alone, value in zip(alone, frame[column], strict=True)]
-        frames.append(frame.assign(_id=frame.controller.map(one.ids), _number=number))
+        frames.append(frame.assign(_id=frame.controller.map(one.ids)))
     if not frames:
-        return Gathered(pd.DataFrame(columns=[*place, *map(_column, more), *COLUMNS]), [], "")
+        return Gathered(pd.DataFrame(columns=[*place, *map(_column, more), *COLUMNS]), [])
     whole = pd.concat(frames, ignore_index=True)
     again = whole.duplicated([name for name in _LIFETIME if name in whole])  # an environment has no sides
-    rows = whole[~again].drop(columns=["_id", "_number"]).reset_index(drop=True)
-    settings = list(dict.fromkeys(map(_column, keys)))
-    return Gathered(rows, settings, repeated(len(set(whole._number) - set(whole._number[~again]))))
+    rows = whole[~again].drop(columns="_id").reset_index(drop=True)
+    return Gathered(rows, list(dict.fromkeys(map(_column, keys))))
 
 
 def _where(one: Evaluated) -> str:
@@ -105,8 +102,3 @@ def _names(evaluations: Sequence[Evaluated]) -> dict[tuple[str, str], str]:
         (experiment, sha256): name if shared[experiment, name] == 1 else f"{name}_{sha256[:8]}"
         for (experiment, sha256), name in names.items()
     }
-
-
-def repeated(count: int) -> str:
-    """A line on so many evaluations that repeat others; empty for none."""
-    return f"{count} of the evaluations repeat{'s' * (count == 1)} another; each lifetime counts once." if count else ""

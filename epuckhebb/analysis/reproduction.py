@@ -91,9 +91,6 @@ def markdown(
             "### Rescue and harm\n",
             f"{RESCUE_TEXT}\n",
             rescue_table(tables["rescue_and_harm"]).markdown(),
-            "### Retention\n",
-            f"{rescue.RETENTION}\n",
-            rescue.retention_table(_at_paper_rates(tables["retention"]), by_experiment=True).markdown(),
         ]
     return "\n".join([*parts, "## Figures\n", *pictures(captions)])
 
@@ -137,7 +134,6 @@ def tables_of(metrics: pd.DataFrame, paper: Mapping[str, Any]) -> dict[str, pd.D
         "claims": claims.claims(each, published.published_values(paper)),
         "success": findings.success(each),
         "rescue_and_harm": findings.rescue_and_harm(each),
-        "retention": findings.retention(by_champion),
         "rescue_over_all": findings.rescue_over_all(by_champion),
         "comparison": published.compare(published.published_values(paper), each, shown),
     } | ({} if doses is None else {"doses": doses})

@@ -1,8 +1,6 @@
-"""Tables of rescue, harm and retention in Markdown, and the page of a study of many champions in changed worlds."""
+"""Tables of rescue and harm in Markdown, and the page of a study of many champions in changed worlds."""
 
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from epuckhebb.analysis.tables import Table, plain, with_interval
 from epuckhebb.tmaze.individual import HEBBIAN
@@ -13,15 +11,9 @@ if TYPE_CHECKING:
 
 FIGURE = "rescue_and_harm.png"
 RESCUED, HARMED = "rescued, of the trials that the change broke", "harmed, of those still intact"
-SOLVES = {"any": "one side or both", "both": "both sides"}  # the values of `solves` in `findings.retention`
 COUNTED = (
     "Only trials that the GA solves in the training world count. A changed world *breaks* some of them; plasticity "
     "*rescues* some of the broken trials. The other trials stay *intact*; plasticity *harms* some of these."
-)
-RETENTION = (
-    "Success in all changed worlds together, among the trials solved in the training world. A champion that always "
-    "turns to one side keeps that side nearly everywhere, and has learned nothing that a change could break. The "
-    "champions that solve both sides in training therefore have a column of their own."
 )
 
 
@@ -41,12 +33,11 @@ def label(controller: str, rate: float) -> str:
 def markdown(
     over_all: "pd.DataFrame",
     by_scenario: "pd.DataFrame",
-    retention: "pd.DataFrame",
     champions: int,
     repeats: int,
     names: str,
 ) -> str:
-    """The page. over_all, by_scenario, retention: tables of `findings`; names: of the champions, in a few words."""
+    """The page. over_all, by_scenario: tables of `findings`; names: of the champions, in a few words."""
     parts = [
         "# Rescue and harm\n",
         f"{champions} champions of each experiment, {names}. {trial(repeats)} {COUNTED} Intervals are 95 %, over "
@@ -61,9 +52,6 @@ def markdown(
             over_all_table(own).markdown(),
             "### Each world: rescued/broken, harmed/intact\n",
             _by_scenario(own_scenarios).markdown(),
-            "### Retention\n",
-            f"{RETENTION}\n",
-            retention_table(retention[retention.experiment == experiment]).markdown(),
         ]
     parts.append(f'<img src="figures/{FIGURE}" alt="Rescue and harm of each plasticity, with intervals">\n')
     return "\n".join(parts)
@@ -86,29 +74,6 @@ def counts(row: Any) -> list[str]:
         text = f"{getattr(row, part)} of {getattr(row, whole)}"
         cells.append(f"{text}: {with_interval(row, f'{part}_share')}" if getattr(row, whole) else text)
     return cells
-
-
-def retention_table(retention: "pd.DataFrame", *, by_experiment: bool = False) -> Table:
-    """A row for each plasticity; a column for all champions, and one for those that solve both sides in training.
-
-    retention: of `findings.retention`. by_experiment: whether a first column names the experiment.
-    """
-    rows = []
-    for (experiment, controller, rate), group in retention.groupby(["experiment", "controller", "N"], sort=False):
-        own = {row.solves: row for row in group.itertuples()}
-        cells = [retained(own[solves]) if solves in own else "–" for solves in SOLVES]
-        rows.append([*([experiment] if by_experiment else []), plain(label(controller, rate)), *cells])
-    head = [*(["experiment"] if by_experiment else []), "plasticity"]
-    return Table([*head, *(f"champions that solve {sides} in training" for sides in SOLVES.values())], rows)
-
-
-def retained(row: Any) -> str:
-    """How many trials are retained, of how many, and of how many champions; row: of `findings.retention`."""
-    text = f"{row.retained} of {row.trials}"
-    if not row.trials:
-        return text
-    champions = "" if np.isnan(row.champions) else f", {row.champions:g} champion{'s' if row.champions > 1 else ''}"
-    return f"{text}: {with_interval(row, 'share')}{champions}"
 
 
 def _by_scenario(own: "pd.DataFrame") -> Table:

@@ -134,13 +134,12 @@ def rescue_and_harm(rows: pd.DataFrame) -> tuple[dict[str, pd.DataFrame], str] |
     lifetimes = _numeric(rows)
     each = findings.trials(lifetimes)
     by_champion, by_scenario = findings.rescue_by_champion(each), findings.rescue_and_harm(each)
-    over_all, retention = findings.rescue_over_all(by_champion), findings.retention(by_champion)
+    over_all = findings.rescue_over_all(by_champion)
     champions = int(each.groupby("experiment").genome.nunique().max())
     seeds = f"{code(each.genome.iloc[0])} to {code(each.genome.iloc[-1])}"
-    page = rescue.markdown(over_all, by_scenario, retention, champions, lifetimes.repeat.nunique(), seeds)
-    found = {"rescue_over_all": over_all, "rescue_and_harm": by_scenario, "retention": retention}
-    found["rescue_by_champion"] = by_champion
-    return found, page
+    page = rescue.markdown(over_all, by_scenario, champions, lifetimes.repeat.nunique(), seeds)
+    tables = {"rescue_over_all": over_all, "rescue_and_harm": by_scenario, "rescue_by_champion": by_champion}
+    return tables, page
 
 
 def readable(tables: Mapping[str, pd.DataFrame]) -> list[Table]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from epuckhebb.tmaze.individual import GA
 
@@ -24,46 +25,19 @@ _SIGNS = re.compile(r"[\\`*<>&\[\]~$#]|(?<!\w)_|_(?!\w)")  # Markdown shows an u
 _DECIMALS = {"Success": 2, "Time-to-Goal (s)": 2}
 
 
-def paper_table(metrics: Iterable[Mapping[str, Any]]) -> dict[tuple[str, str], dict[str, float]]:
-    """Means over the repeats, in the paper's layout: for each (controller, side) those of `ROWS`.
+def paper_table(metrics: pd.DataFrame) -> pd.DataFrame:
+    """Means over the repeats, in the paper's layout: a row for each metric of `ROWS`, a column a controller and side.
 
     Success is the share of lifetimes that end at the goal. The time to the goal is a mean over those that reach it.
     The GA has no weight change. metrics: a row a lifetime.
     """
-    groups: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
-    for row in metrics:
-        groups.setdefault((row["controller"], row["side"]), []).append(row)
-    some_missing = any(not _known([row[of]]) for own in groups.values() for row in own for of in ROWS.values())
-    table = {
-        place: {name: mean([row[of] for row in own], compensated=some_missing) for name, of in ROWS.items()}
-        for place, own in groups.items()
-    }
-    for (controller, _), means in table.items():
-        if controller == GA:
-            means["Weight Change Mean"] = math.nan
-    return table
+    place = ["controller", "side"]
+    means = metrics.astype(dict.fromkeys(ROWS.values(), float)).groupby(place, sort=False)[list(ROWS.values())].mean()
+    means.loc[means.index.get_level_values("controller") == GA, "weight_change_mean"] = np.nan
+    return means.set_axis(pd.Index(ROWS, name="metric"), axis=1).T
 
 
-def mean(values: Sequence[float | None], *, compensated: bool = False) -> float:
-    """The mean of those that are known; nan without any.
-
-    It is that of pandas to the last bit. Where values are missing in a table, pandas compensates its sums (Kahan's).
-    """
-    known = _known(values)
-    if not known or not compensated:
-        return float(np.add.reduceat(known, [0])[0] / len(known)) if known else math.nan
-    total = lost = 0.0
-    for value in known:
-        longer = total + (value - lost)
-        total, lost = longer, longer - total - (value - lost)
-    return total / len(known)
-
-
-def _known(values: Iterable[float | None]) -> list[float]:
-    return [float(value) for value in values if value is not None and not math.isnan(value)]
-
-
-def formatted(table: Mapping[tuple[str, str], Mapping[str, float]]) -> dict[tuple[str, str], dict[str, str]]:
+def formatted(table: pd.DataFrame) -> pd.DataFrame:
     """The same table as text, with the paper's decimals and a dash where there is no value."""
 
     def text(row: str, value: float) -> str:
@@ -73,31 +47,25 @@ def formatted(table: Mapping[tuple[str, str], Mapping[str, float]]) -> dict[tupl
             return f"{value:#.4g}".rstrip(".")
         return f"{value:.{_DECIMALS.get(row, 4)}f}"
 
-    return {place: {row: text(row, value) for row, value in means.items()} for place, means in table.items()}
+    return table.apply(lambda means: pd.Series({row: text(str(row), value) for row, value in means.items()}))
 
 
-def saturation(metrics: Iterable[Mapping[str, Any]]) -> str:
+def saturation(metrics: pd.DataFrame) -> str:
     """A line on the controllers with more than half of their weights saturated at the end; empty without such."""
-    shares: dict[str, list[float]] = {}
-    for row in metrics:
-        if row["controller"] != GA:
-            shares.setdefault(row["controller"], []).append(row["saturated_fraction"])
-    means = {name: mean(own) for name, own in shares.items()}
-    named = ", ".join(f"{100 * share:.0f} % ({name})" for name, share in means.items() if share > 0.5)
+    shares = metrics[metrics.controller != GA].groupby("controller", sort=False).saturated_fraction.mean()
+    named = ", ".join(f"{100 * share:.0f} % ({name})" for name, share in shares[shares > 0.5].items())
     return f"More than half of the weights end at their bound: {named}." if named else ""
 
 
-def flat(table: Mapping[tuple[str, str], Mapping[str, float]]) -> list[dict[str, Any]]:
-    """The table as rows of a CSV file: metric, then `<controller> <side>` for each column."""
-    return [{"metric": row, **{" ".join(place): means[row] for place, means in table.items()}} for row in ROWS]
+def flat(table: pd.DataFrame) -> pd.DataFrame:
+    """The table as that of a CSV file: metric, then `<controller> <side>` for each column."""
+    return table.set_axis([" ".join(place) for place in table], axis=1).reset_index()
 
 
-def to_markdown(table: Mapping[tuple[str, str], Mapping[str, float]]) -> str:
+def to_markdown(table: pd.DataFrame) -> str:
     """The table in Markdown."""
-    text = formatted(table)
-    head = ["", *(plain(" ".join(place)) for place in text)]
-    rows = [[f"**{row}**", *(cells[row] for cells in text.values())] for row in ROWS]
-    return Table(head, rows, numbers=True).markdown()
+    rows = [[f"**{row}**", *cells] for row, cells in zip(table.index, formatted(table).to_numpy(), strict=True)]
+    return Table(["", *(plain(" ".join(place)) for place in table)], rows, numbers=True).markdown()
 
 
 @dataclass(frozen=True)

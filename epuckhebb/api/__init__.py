@@ -217,8 +217,6 @@ def sweep(
             shown.update()
     gathered = gather(evaluations)
     be_quiet(not progress)
-    if gathered.repeated:
-        say(gathered.repeated)
     return gathered.rows
 
 

@@ -92,9 +92,7 @@ class Evaluation:
         task = self.config.world.task
         if task.has_trials:
             return reversal.table(self.metrics, self.trials, task, self.config.seed).set_index("controller")
-        means = tables.paper_table(self.metrics.to_dict("records"))
-        frame = pd.DataFrame(means, index=pd.Index(tables.ROWS, name="metric"))
-        return frame.rename_axis(columns=["controller", "side"])
+        return tables.paper_table(self.metrics)
 
     @cached_property
     def traces(self) -> dict[str, NDArray[Any]]:

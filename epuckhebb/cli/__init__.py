@@ -1,5 +1,5 @@
-"""The command line: commands, their options, completion, and everything that is printed.
+"""The command line: commands, their options, and everything that is printed.
 
-It imports what is heavy inside a command, so that help and completion come at once.
+It imports what is heavy inside a command, so that help comes at once.
 Others may import `commands.main` alone.
 """

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from epuckhebb import __version__
-from epuckhebb.cli import completion
 from epuckhebb.cli.console import print_error, print_line
 from epuckhebb.cli.options import (
     Command,
@@ -57,14 +56,10 @@ def run_command(
     if not options.cfg:
         hydra.check(name, words, config_dir, prepare, multirun=multirun)
     runs = hydra.run(name, job, [*words, *flags], config_dir)
-    if multirun and command == "evaluate" and runs:
+    if multirun and runs:
         from epuckhebb.studies.sweep import write_summary_of_multirun
 
         write_summary_of_multirun(runs[0].parent, runs)
-    if multirun and command == "evolve" and runs:
-        from epuckhebb.studies.evolutions import write_summary_of_evolutions
-
-        write_summary_of_evolutions(runs[0].parent, runs)
     if not options.cfg:
         print_runs(command, runs, options)
 
@@ -160,12 +155,7 @@ def replay(
 @app.command(cls=Command)
 def figure(
     run: Run,
-    name: Annotated[
-        str,
-        typer.Argument(
-            metavar="[NAME]", help="Of the figure; without it, their names.", autocompletion=completion.complete_figure
-        ),
-    ] = "",
+    name: Annotated[str, typer.Argument(metavar="[NAME]", help="Of the figure; without it, their names.")] = "",
     kind: Annotated[str, typer.Option("--format", "-f", metavar="png|svg|pdf", help="Of the file.")] = "png",
     width: Annotated[
         float | None,
@@ -267,7 +257,7 @@ def flock(
 @app.command(cls=Command)
 @takes_options
 def sweep(
-    name: Annotated[str, typer.Argument(metavar="NAME", hidden=True, autocompletion=completion.complete_sweep)],
+    name: Annotated[str, typer.Argument(metavar="NAME", hidden=True)],
     overrides: Overrides = None,
     dry_run: DryRun = False,
     *,
@@ -287,13 +277,13 @@ def show(
     what: Annotated[
         str | None,
         typer.Argument(
-            help="A folder of runs, latest, a champion's file, or reference_7.  [latest runs]",
+            help="A folder of a run or of runs, or latest.  [latest runs]",
             metavar="WHAT",
         ),
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """What a run or a champion holds, or the latest runs."""
+    """What a run holds, or the latest runs."""
     from epuckhebb.cli import show as shown
 
     Output(as_json=as_json).print(lambda: shown.shown_as_json(what), lambda console: shown.show(what, console))
@@ -301,20 +291,12 @@ def show(
 
 @app.command(cls=Command)
 def keys(
-    group: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="GROUP", help="A group or a command.  [all commands]", autocompletion=completion.complete_group
-        ),
-    ] = None,
-    search: Annotated[str | None, typer.Option("--search", metavar="WORD", help="The lines with a word alone.")] = None,
+    group: Annotated[str | None, typer.Argument(metavar="GROUP", help="A group or a command.  [all commands]")] = None,
 ) -> None:
     """Every key, its default, what it is, and choices of groups."""
-    from epuckhebb.cli.keys import keys_text, lines_with
+    from epuckhebb.cli.keys import keys_text
 
-    if group and search:
-        raise ConfigError("keys takes a GROUP or --search WORD, not both")
-    typer.echo(lines_with(search) if search else keys_text(group))
+    typer.echo(keys_text(group))
 
 
 @app.command(cls=Command)

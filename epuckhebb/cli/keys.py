@@ -1,6 +1,5 @@
 """`epuckhebb keys`: every key and its default, as the commented files of `conf/` have them."""
 
-import itertools
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -30,21 +29,8 @@ def keys_text(name: str | None) -> str:
     return "\n".join(_texts(files[group]))
 
 
-def lines_with(word: str) -> str:
-    """The lines of all files that have a word, upper or lower case, below the name of their file."""
-    files = dict.fromkeys(file for own in known().values() for file in own)
-    found = [[line for line in text.splitlines()[1:] if word.lower() in line.lower()] for text in _texts(list(files))]
-    named = [[_heading(file), *lines] for file, lines in zip(files, found, strict=True) if lines]
-    if not named:
-        raise ConfigError(f"keys --search {word}: no key and no comment has this word")
-    return "\n".join(itertools.chain(*named))
-
-
 def _texts(files: list[Path]) -> Iterator[str]:
     """The content of files, each below its name."""
     for file in files:
-        yield f"{_heading(file)}\n{file.read_text(encoding='utf-8')}"
-
-
-def _heading(file: Path) -> str:
-    return f"# conf/{file.relative_to(data_folder('conf')).as_posix()}"
+        name = file.relative_to(data_folder("conf")).as_posix()
+        yield f"# conf/{name}\n{file.read_text(encoding='utf-8')}"

@@ -13,7 +13,6 @@ import typer
 from rich.console import Console
 from typer.core import TyperCommand
 
-from epuckhebb.cli import completion
 from epuckhebb.cli.console import Terminal, json_text, report_errors
 from epuckhebb.runtime import LATEST, be_quiet
 
@@ -50,25 +49,16 @@ _EXAMPLES = {
     "leaderboard": ["--quick", "obstacles methods=modulated,abcd_shared", "all hydra/launcher=slurm"],
     "flock": ["--quick", "flock=live_fitness flock.breaks=knower"],
     "sweep": ["light", "n_sweep genome=runs/evolve/RUN --dry-run", "my_studies.py:Mine repeats=5"],
-    "show": ["", "latest", "reference_7"],
-    "keys": ["scenario", "evolve", "--search lamp"],
+    "show": ["", "latest"],
+    "keys": ["scenario", "evolve"],
     "export": ["gallery", "runs/evaluate/RUN --webots", "reference_7 --webots --output controllers/genes_only"],
     "rerun": ["latest"],
 }
 
 
-def _complete_override(ctx: typer.Context, incomplete: str) -> list[str]:
-    return completion.complete_override(str(ctx.info_name), incomplete)
-
-
-Overrides = Annotated[
-    list[str] | None,
-    typer.Argument(metavar="[KEY=VALUE]...", hidden=True, autocompletion=_complete_override),
-]
+Overrides = Annotated[list[str] | None, typer.Argument(metavar="[KEY=VALUE]...", hidden=True)]
 Run = Annotated[Path, typer.Argument(metavar="RUN", help="Its folder, or latest.")]
 Multirun = Annotated[bool, typer.Option("--multirun", "-m", help="Run every combination of comma-separated values.")]
-
-
 Cfg = Annotated[
     Literal["job", "hydra", "all"] | None,
     typer.Option("--cfg", "-c", metavar="job|hydra|all", help="Show the configuration, run nothing."),

@@ -1,4 +1,4 @@
-"""Prints the results of runs and studies, and what a run, a folder of runs or a champion holds, or gives its JSON."""
+"""Prints the results of runs and studies, and what a run or a folder of runs holds, or gives its JSON."""
 
 import math
 from pathlib import Path
@@ -12,16 +12,13 @@ from epuckhebb.analysis.evaluate import Rows
 from epuckhebb.analysis.tables import unmarked
 from epuckhebb.cli.console import print_line, print_table, print_text
 from epuckhebb.runtime import ConfigError
-from epuckhebb.store import Genome, Run, below_runs, is_bundled, is_of_future, load_genome, of_multirun, resolve_run
-from epuckhebb.tmaze.physics.pymunk import PYMUNK
-from epuckhebb.tmaze.scenario import EXPERIMENTS
+from epuckhebb.store import Genome, Run, below_runs, load_genome, of_multirun, resolve_run
 
 if TYPE_CHECKING:
     from epuckhebb.studies.study import Study
 
 _LISTED = 20  # jobs of a study that is not run
 _LATEST = 10  # runs that are listed when none is named
-_OF_FUTURE = ", in the future by a wrong clock: it is not taken for the latest run"
 
 
 def print_evaluation(run: Run, console: Console) -> None:
@@ -35,10 +32,11 @@ def print_evaluation(run: Run, console: Console) -> None:
     elif run.has("reversal.csv"):
         _print(reversal.readable(run.table("reversal.csv"), _title(metrics)).only(0, 1, 2), console)
     else:
-        text = tables.formatted(tables.paper_table(metrics))
-        rows = [(*place, *cells.values()) for place, cells in text.items()]
+        own = run.table("metrics.csv")
+        text = tables.formatted(tables.paper_table(own))
+        rows = [(*place, *text[place]) for place in text]
         print_table(console, _title(metrics), ("controller", "side", *tables.ROWS), rows, text=2)
-        if saturated := tables.saturation(metrics):
+        if saturated := tables.saturation(own):
             print_line(console, saturated)
         drove_on = sum(row["success"] == 0 and (row["time_to_goal_s"] or math.nan) > 0 for row in metrics)
         if drove_on:
@@ -131,11 +129,9 @@ def _print_multirun(finished: list[Path], console: Console) -> None:
     """Print the tables over all runs of a multirun, or a line for each run, and where they are."""
     folder = finished[0].parent
     if Run(folder).has("summary.csv"):
-        from epuckhebb.studies.evolutions import Evolutions
         from epuckhebb.studies.sweep import Sweep  # studies take a while to load
 
-        is_evolved = Run(finished[0]).provenance["command"] == "evolve"
-        print_study(Evolutions if is_evolved else Sweep, folder, console)
+        print_study(Sweep, folder, console)
     else:
         for path in finished:
             print_line(console, f"{path.name}  {' '.join(Run(path).provenance['overrides'])}  {_in_short(path)}")
@@ -143,7 +139,7 @@ def _print_multirun(finished: list[Path], console: Console) -> None:
 
 
 def show(what: str | None, console: Console) -> None:
-    """Print all of a run, a multirun or a champion; the latest runs if nothing is named."""
+    """Print all of a run or a multirun; the latest runs if nothing is named."""
     if what is None:
         runs = below_runs()
         if not runs:
@@ -157,13 +153,6 @@ def show(what: str | None, console: Console) -> None:
                 result = str(error)
             print_line(console, f"{path}  {result}")
         return
-    genomes = genomes_named(what)
-    for genome, experiment in genomes:
-        console.print(Text(f"{genome.name}, of the {experiment} experiment", style="bold"))
-        print_line(console, f"SHA-256 of its genes: {genome.sha256}")
-        print_champion(genome, console)
-    if genomes:
-        return
     path = resolve_run(what)
     if many := of_multirun(path):
         _print_multirun(many, console)
@@ -175,18 +164,6 @@ def shown_as_json(what: str | None) -> dict[str, Any]:
     """What `show` prints, as JSON values."""
     if what is None:
         return {"runs": [str(path) for path in below_runs()]}
-    genomes = [
-        {
-            "genome": genome.name,
-            "sha256": genome.sha256,
-            "experiment": experiment,
-            "layers": list(genome.network.layers),
-            "robot": genome.robot,
-        }
-        for genome, experiment in genomes_named(what)
-    ]
-    if genomes:
-        return {"genomes": genomes}
     path = resolve_run(what)
     many = of_multirun(path)
     return {"run": str(path), "runs": list(map(as_json, many))} if many else as_json(path)
@@ -206,8 +183,6 @@ def _in_short(path: Path) -> str:
     """The state of a run, and its result in a few words."""
     run = Run(path)
     status = run.status
-    if is_of_future(status):
-        return f"{status['state']}{_OF_FUTURE}"
     if status["state"] != "finished":
         return ": ".join(filter(None, (status["state"], status.get("error", ""))))
     if run.has("history.csv"):
@@ -219,8 +194,8 @@ def _in_short(path: Path) -> str:
         return "finished"
     if run.has("lifetime.csv"):
         return "return: " + ", ".join(f"{row['controller']} {row['return']:.0f}" for row in run.rows("table.csv"))
-    table = tables.paper_table(run.rows("metrics.csv"))
-    return "success: " + ", ".join(f"{name} {side} {means['Success']:.2f}" for (name, side), means in table.items())
+    success = tables.paper_table(run.table("metrics.csv")).loc["Success"]
+    return "success: " + ", ".join(f"{name} {side} {share:.2f}" for (name, side), share in success.items())
 
 
 def _print_run(path: Path, console: Console) -> None:
@@ -235,9 +210,7 @@ def _print_run(path: Path, console: Console) -> None:
         "Command": " ".join(run["command_line"]),
         "Settings": " ".join(run["overrides"]) or "as by default",
         "State": status["state"] + (f": {status['error']}" if status.get("error") else ""),
-        "Time": f"{status['started']} – {status.get('finished', '')}" + _OF_FUTURE * is_of_future(status)
-        if "started" in status
-        else "",
+        "Time": f"{status['started']} – {status.get('finished', '')}" if "started" in status else "",
         "Program": f"epuckhebb {code['version']}{commit}; packages and machine: provenance.json",
         "Genome": f"{run['genome']} (SHA-256 {run['genome_sha256']})" if "genome" in run else "",
         "Files": ", ".join(sorted(f"{entry.name}/" if entry.is_dir() else entry.name for entry in path.iterdir())),
@@ -246,30 +219,13 @@ def _print_run(path: Path, console: Console) -> None:
             print_line(console, f"{name}: {value}")
 
 
-def genomes_named(what: str) -> list[tuple[Genome, str]]:
-    """The genomes of a champion's file, or of a bundled champion in either experiment; none if it is something else."""
-    if is_bundled(what):
-        return [(load_genome(what, experiment), experiment) for experiment in EXPERIMENTS]
-    path = Path(what)
-    if path.suffix not in (".npz", ".npy") or path.is_dir():
-        return []
-    genome = load_genome(what, "")
-    return [(genome, genome.experiment or "unknown")]
-
-
 def print_champion(genome: Genome, console: Console) -> None:
     """What a champion is made of, and what it remembers of its training world."""
     robot = "" if genome.environment else f"; robot {genome.robot}"
     print_line(console, f"Genome: {genome.plan.text()}; network {genome.network}{robot}")
-    if genome.optimizer:
-        rule = f", with rule {genome.rule}" if genome.rule else ""
-        task = f", for task {genome.task}" if genome.task else ""
-        fitness = f", for fitness {genome.fitness_function}" if genome.fitness_function else ""
-        where = f"in training worlds {genome.training}, in physics {genome.physics or PYMUNK.name}"
-        where = f"in environment {genome.environment}" if genome.environment else where
-        start = f" from {genome.start}" if genome.start else ""
-        line = f"Evolved by {genome.optimizer}{start}, {where}{rule}{task}{fitness}"
-        print_line(console, line)
+    facts = ("optimizer", "start", "environment", "training", "physics", "rule", "task", "fitness_function")
+    known = {fact: getattr(genome, fact) for fact in facts if getattr(genome, fact)}
+    print_line(console, f"Evolved: {', '.join(f'{fact} {value}' for fact, value in known.items())}")
     if genome.nominal is not None:
         where, gain = genome.nominal.scenario, genome.nominal.gain_rad_s
         print_line(console, f"Nominal statistics: of {where} at {gain:g} rad/s, in its file")

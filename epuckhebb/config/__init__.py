@@ -7,7 +7,6 @@ file that knows Hydra, imports `catalogue`, `compose` and `resolve` too. What ca
 
 from epuckhebb.config import hand
 from epuckhebb.config.build import (
-    check_library,
     controller_of,
     network_for,
     with_controls,

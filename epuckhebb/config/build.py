@@ -62,11 +62,8 @@ def rule_from(settings: Mapping[str, Any], key: str) -> Rule:
 def optimizer_from(settings: Mapping[str, Any], ga: Algorithm | None) -> Algorithm:
     """The optimizer that a part of the configuration describes. ga: the genetic algorithm; None for another one."""
     if (settings.get("algorithm") == GENETIC) != (ga is not None) or (ga is not None and len(settings) > 1):
-        raise ConfigError(
-            "ga.population and the other keys of ga are the settings of optimizer=ga alone, and needed there; those of "
-            f"another optimizer are optimizer.population and so on; got optimizer={settings.get('algorithm')}, "
-            f"with{'out' * (ga is None)} settings of ga"
-        )
+        given = f"optimizer={settings.get('algorithm')}, with{'out' * (ga is None)} settings of ga"
+        raise ConfigError(f"keys of ga go with optimizer=ga alone, of others optimizer.population, ...; got {given}")
     return part_from("optimizer", settings, "optimizer") if ga is None else ga
 
 
@@ -180,12 +177,6 @@ def scenario_from(
         fitness=PAPER_FITNESS if fitness is None else part_from("fitness", fitness, "fitness"),
         physics=PYMUNK if physics is None else part_from("physics", physics, "physics"),
     )
-
-
-def check_library(world: Scenario) -> None:
-    """Refuse a physics whose library is not installed."""
-    with refusing():
-        world.physics.check_library()
 
 
 def network_for(world: Scenario, shape: Shape) -> Network:

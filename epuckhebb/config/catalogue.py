@@ -5,7 +5,6 @@ so that a file of the user's wins over ours of the same name.
 """
 
 import functools
-import itertools
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -77,14 +76,12 @@ def _composed(command: str, words: tuple[str, ...], config_dir: str | None) -> C
     except ConfigError:
         raise
     except Exception as error:  # what damaged files may raise has no end
-        if config_dir is not None:
-            _check_chosen(overrides, Path(config_dir))
         raise ConfigError(f"{' '.join(words)}{': ' if words else ''}{explain(error)}") from error
     OmegaConf.set_struct(cfg, False)
     hydra = cfg.pop("hydra")
     choices = choices_of(hydra.runtime)
     for group, choice in {".": command, **choices}.items() if config_dir else ():
-        yaml_file.check_meaning(Path(str(config_dir), group, f"{choice}.yaml"))
+        yaml_file.check_order(Path(str(config_dir), group, f"{choice}.yaml"))
     return Composed(command, words, cfg, hydra, choices)
 
 
@@ -132,8 +129,6 @@ def _store(command: str, folder: Path | None) -> None:
         return
     groups = {file.parent.name for file in data_folder("conf").glob("*/*.yaml")} | {*conf.TABLES, "hydra/launcher"}
     files = {group: sorted(folder.glob(f"{group}/*.yaml")) for group in groups} if folder else {}
-    for file in itertools.chain(folder.glob("*.yaml"), *files.values()) if folder else ():
-        yaml_file.check_aliases(file)
     for group in conf.TABLES.keys() - {"method", "change"}:
         store.repo[group] = {}
         for name in conf.table(group).keys() - {file.stem for file in files.get(group, ())}:
@@ -146,16 +141,6 @@ def _store(command: str, folder: Path | None) -> None:
         node = {"defaults": [*overrides, "_self_"], "scenario": scenario, "change": {name: None}}
         store.store(name, node, "change", "_global_")
     _stored[:] = [store] if folder is None else []
-
-
-def _check_chosen(overrides: list[str], folder: Path) -> None:
-    """Refuse files of the user's, chosen by overrides, that Hydra does not see, or that hold no keys."""
-    for group, _, name in (override.partition("=") for override in overrides):
-        for file in (folder / group).glob("*"):
-            if file.stem == name and file.suffix.lower() in (".yaml", ".yml"):
-                if file.suffix != ".yaml":
-                    raise ConfigError(f"{group}={name}: {file} must end in .yaml; rename it")
-                yaml_file.load(file)
 
 
 def _refuse_environment(*_: Any, _node_: Any) -> None:

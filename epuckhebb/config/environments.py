@@ -16,7 +16,6 @@ from epuckhebb.config.overrides import ANY, OF_ENVIRONMENT, parsed, value_text
 from epuckhebb.config.parts import NONE, Layers, part_from
 from epuckhebb.config.plugins import class_named, load
 from epuckhebb.config.schema import Checked, Figures, register
-from epuckhebb.config.values import literal
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.plasticity.rule import NoRule, Rule
@@ -178,10 +177,8 @@ def _network(world: World, made: Layers | Wiring) -> Network:
         return Network((world.inputs, *wiring.sizes), wiring=wiring)
     layers = made.layers or (world.inputs, *world.settings.hidden, world.outputs)
     if (layers[0], layers[-1]) != (world.inputs, world.outputs):
-        raise ValueError(
-            f"network.layers must begin with {world.inputs} and end with {world.outputs}, the readings and outputs of "
-            f"environment {world.name}, got {list(layers)}"
-        )
+        ends = f"{world.inputs} and end with {world.outputs}, the readings and outputs of environment {world.name}"
+        raise ValueError(f"network.layers must begin with {ends}, got {list(layers)}")
     return Network(tuple(layers))
 
 
@@ -208,18 +205,16 @@ def complete(cfg: DictConfig, choices: Mapping[str, str], overrides: Sequence[st
     for group in before.keys() & ({"network", "hebbian"} - set(words) | ({"environment"} if is_same else set())):
         for key, value in before[group].items():
             if not is_typed(f"{group}.{key}") and key not in ("change", "changes", "processes"):
-                cfg[group][key] = literal(value)
+                cfg[group][key] = value
     if "repeats" in cfg and not is_typed("environment.horizon"):
         environment.horizon *= 2
     if OmegaConf.is_missing(environment, "id"):
         raise ConfigError(f"environment={ANY} needs environment.id, an id of Gymnasium or FILE.py:NAME")
     if environment.change is not None:
         if environment.change not in environment.named or environment.changes:
-            names = ", ".join(environment.named) or "none"
-            raise ConfigError(
-                f"change must be one of {names} in environment={environment.name}, without environment.changes, got "
-                f"{environment.change}{did_you_mean(str(environment.change), environment.named)}"
-            )
+            names, where = ", ".join(environment.named) or "none", f"in environment={environment.name}"
+            got = f"{environment.change}{did_you_mean(str(environment.change), environment.named)}"
+            raise ConfigError(f"change must be one of {names} {where}, without environment.changes, got {got}")
         environment.changes = environment.named[environment.change]
     if not before or "hebbian" in words:
         _fit_rule(cfg, choices["hebbian"], is_typed)

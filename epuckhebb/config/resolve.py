@@ -22,7 +22,6 @@ from epuckhebb.config.overrides import parsed
 from epuckhebb.config.parts import KINDS, NONE, PAPER, PART_GROUPS, part_class, part_from
 from epuckhebb.config.plugins import own_references
 from epuckhebb.config.schema import WorldConfig, plain
-from epuckhebb.config.values import literal
 from epuckhebb.controller.wiring import LAYERS
 from epuckhebb.runtime import ConfigError, conf, data_folder, path_of, refusing
 from epuckhebb.tmaze.individual import HEBBIAN
@@ -63,7 +62,7 @@ def _resolve(
             raise ConfigError(f"{group} must be one of {', '.join(known)}, got none of them, or several")
     _make_changes(cfg, choices, config_dir)
     usual = usual_world(command, choices, overrides, config_dir)
-    cfg.changed = literal(", ".join(differences(cfg, choices, usual))) if usual else ""
+    cfg.changed = ", ".join(differences(cfg, choices, usual)) if usual else ""
     for group in _NAMED:
         if group in cfg and not cfg[group].get("name"):
             changed = cfg.change if group == "scenario" else ()
@@ -145,7 +144,7 @@ def _complete_parts(cfg: DictConfig) -> None:
             raise ConfigError(f"{key} must be {{sensor: FILE.py:NAME}} and its settings, got {settings}")
         _write_defaults(settings, "sensor", settings.sensor, key)
     if cfg.scenario.get("hand") is not None:
-        cfg.scenario.hand = literal(str(path_of(cfg.scenario.hand, "scenario.hand").absolute()))
+        cfg.scenario.hand = str(path_of(cfg.scenario.hand, "scenario.hand").absolute())
 
 
 def _write_defaults(settings: DictConfig, kind: str, part: str, key: str) -> None:
@@ -289,4 +288,4 @@ def find_own_files(cfg: DictConfig) -> None:
     """Write down where the user's files are."""
     groups = (group for group in (*PART_GROUPS, "environment") if group in cfg)
     for part, key, path, name in list(own_references({group: cfg[group] for group in groups})):
-        part[key] = literal(f"{path.absolute()}:{name}")
+        part[key] = f"{path.absolute()}:{name}"

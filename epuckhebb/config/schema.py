@@ -17,7 +17,6 @@ from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.config import build
 from epuckhebb.config.errors import explain
 from epuckhebb.config.parts import Layers, part_from
-from epuckhebb.config.values import literal
 from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule
 from epuckhebb.controller.ranges import check, within
 from epuckhebb.controller.wiring import LAYERS, Wiring
@@ -203,11 +202,10 @@ class EvolveConfig(WorldConfig):
         evolves = self.rule.initial_weights is InitialWeights.evolved and self.genome is None
         for name, fits in (("lamarckian", evolves and inherits), ("rule_off", evolves)):
             if getattr(self.training, name) and (isinstance(self.rule, NoRule) or not fits):
-                raise ValueError(
-                    f"training.{name}=true needs a plasticity rule whose initial weights evolve, as hebbian=baldwin, "
-                    f"no genome, and for lamarckian optimizer=ga; got hebbian.rule={self.hebbian.get('rule')}, "
-                    f"genome={self.genome}, optimizer={self.algorithm.name}"
+                needs = (
+                    "a rule whose initial weights evolve (hebbian=baldwin), no genome, and, if lamarckian, optimizer=ga"
                 )
+                raise ValueError(f"training.{name}=true needs {needs}; got hebbian.rule={self.hebbian.get('rule')}")
         network = build.network_for(self.world, self.shape)
         self.plan = evolved_plan(network, self.rule, given=self.genome is not None)
         self.algorithm.check(self.plan)
@@ -256,7 +254,7 @@ def typed(cfg: DictConfig, schema: type[Config]) -> Config:
 def from_values(values: Plain, schema: type[Config], source: str) -> Config:
     """The configuration of plain values, all names among them. source: where they come from, for messages."""
     with refusing(lambda error: f"{source} cannot be used: {explain(error)}", Exception):  # damaged ones may raise any
-        cfg = OmegaConf.merge(_keys_of(cast(Any, schema)), literal(values))
+        cfg = OmegaConf.merge(_keys_of(cast(Any, schema)), values)
         assert isinstance(cfg, DictConfig)
     return typed(cfg, schema)
 
@@ -264,7 +262,7 @@ def from_values(values: Plain, schema: type[Config], source: str) -> Config:
 def value_as_declared(key: str, value: Any, command: str) -> Any:
     """A value of a key of a command, of the type that the schema declares."""
     with refusing(explain, OmegaConfBaseException):
-        keys: Any = OmegaConf.merge(_keys_of(SCHEMAS[command]), {key: literal(value)})
+        keys: Any = OmegaConf.merge(_keys_of(SCHEMAS[command]), {key: value})
     return keys[key]
 
 

@@ -1,7 +1,6 @@
 """Plain values of settings, converted to the types that dataclasses and records declare."""
 
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
 from enum import EnumType
@@ -81,12 +80,3 @@ def _is_finite(value: object) -> bool:
     if isinstance(value, tuple):
         return all(map(_is_finite, value))
     return not isinstance(value, float) or math.isfinite(value)
-
-
-def literal(value: Any) -> Any:
-    """A value as a configuration has to be given it, so that a `${...}` in it, of a folder's name, means nothing."""
-    if isinstance(value, dict):
-        return {str(key): literal(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return list(map(literal, value))
-    return re.sub(r"(\\*)\$\{", lambda found: f"{2 * found[1]}\\${{", value) if isinstance(value, str) else value

@@ -1,106 +1,38 @@
-"""YAML files of the user's and of runs: what is no plain setting in one is refused, with its name and line."""
+"""Reads YAML files, and refuses one of the user's whose defaults would replace its own values."""
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import yaml
 from omegaconf import OmegaConf
 
-from epuckhebb.config.errors import line_of
-from epuckhebb.runtime import ConfigError
-
-_MOST_NODES = 100_000  # that the aliases of a file may stand for
-_OTHER_BASE = re.compile(r"[-+]?0[\d_]+|.*:.*")  # a plain number that YAML reads in base 8 or 60
-_ALIAS = re.compile(r"\*")
-_SUSPECT = re.compile(r"(?<![\w.+-])[-+]?0\d|\d:\d|defaults:")  # what a file without this need not be searched for
+from epuckhebb.config.errors import explain
+from epuckhebb.runtime import ConfigError, refusing
 
 
 def load(path: Path) -> dict[str, Any]:
     """The settings in a file, as they stand there."""
-    check_aliases(path)
-    check_meaning(path)
-    try:
-        values = OmegaConf.to_container(OmegaConf.create(path.read_text(encoding="utf-8")))
-    except OSError as error:
-        raise ConfigError(f"{path} cannot be read: {error.strerror}") from error
-    except yaml.MarkedYAMLError as error:
-        raise ConfigError(f"{path}{line_of(error)}") from error
-    except Exception as error:  # what damaged values may raise has no end
-        reason = str(error).partition("\n")[0] or "settings must be keys with values"
-        raise ConfigError(f"{path}: {reason}") from error
+    with refusing(lambda error: f"{path}: {explain(error)}", Exception):  # what damaged values may raise has no end
+        values = OmegaConf.to_container(OmegaConf.load(path))
     if not isinstance(values, dict):
         raise ConfigError(f"{path}: settings must be keys with values, got {values}")
     return {str(key): value for key, value in values.items()}
 
 
-def check_aliases(path: Path) -> None:
-    """Refuse a file whose aliases stand for more than memory holds, or for themselves, before they are expanded."""
-    root = _root(path, _ALIAS)
-    sizes: dict[int, int] = {}
+def check_order(path: Path) -> None:
+    """Refuse a file in which defaults come after `_self_`, and so replace its values; a file that is not there passes.
 
-    def size(node: yaml.Node) -> int:
-        """How many nodes a node stands for."""
-        if id(node) not in sizes:
-            sizes[id(node)] = _MOST_NODES + 1  # while it is counted: of a node that contains itself
-            sizes[id(node)] = 1 + sum(map(size, _below(node)))
-        return sizes[id(node)]
-
-    if root is not None and size(root) > _MOST_NODES:
-        raise ConfigError(f"{path}: its aliases stand for more than {_MOST_NODES:,} values, or for themselves")
-
-
-def check_meaning(path: Path) -> None:
-    """Refuse a file that does not mean what it says, and such files of its folder in its defaults.
-
-    YAML reads 010 as 8 and 1:30 as 90. Defaults that come after `_self_` replace the file's own values.
+    The files of its folder among its defaults are looked at, too.
     """
-    root = _root(path, _SUSPECT)
-    for node in _scalars(root):
-        if node.style is None and node.tag.endswith((":int", ":float")) and _OTHER_BASE.fullmatch(node.value):
-            number = yaml.safe_load(node.value)
+    values = yaml.safe_load(path.read_text(encoding="utf-8")) if path.is_file() else None
+    defaults = (values.pop("defaults", None) or []) if isinstance(values, dict) else []
+    for entry in defaults:
+        name = entry if isinstance(entry, str) else str(next(iter(entry)))
+        if isinstance(entry, str) and entry != "_self_":
+            check_order(path.with_name(f"{entry}.yaml"))
+        is_late = "_self_" in defaults[: defaults.index(entry)] and not name.startswith("override ")
+        if values and is_late and (isinstance(entry, str) or re.split(r"[ /.@]", name)[-1] in values):
             raise ConfigError(
-                f"{path}, line {node.start_mark.line + 1}: YAML reads {node.value} as {number:g}; write {number:g}, "
-                f"or, if it is a text, '{node.value}'"
+                f"{path}: {name} comes after _self_, so it replaces values of this file; put _self_ last in defaults"
             )
-    values = {key.value: value for key, value in root.value} if isinstance(root, yaml.MappingNode) else {}
-    defaults = values.pop("defaults", None)
-    after_values = False
-    for entry in defaults.value if isinstance(defaults, yaml.SequenceNode) else ():
-        name, *_ = (node.value for node in _scalars(entry))
-        if name == "_self_":
-            after_values = True
-            continue
-        if isinstance(entry, yaml.ScalarNode):
-            check_meaning(path.with_name(f"{name}.yaml"))
-        place = re.split(r"[ /.@]", name)[-1]
-        replaces = isinstance(entry, yaml.ScalarNode) or place in (*values, "_here_", "_global_")
-        if after_values and values and replaces and not name.startswith("override "):
-            raise ConfigError(
-                f"{path}, line {entry.start_mark.line + 1}: {name} comes after _self_, so it replaces values of this "
-                "file; put _self_ last in defaults"
-            )
-
-
-def _scalars(node: yaml.Node | None) -> Iterator[yaml.ScalarNode]:
-    """The single values, and the keys, in a node."""
-    if isinstance(node, yaml.ScalarNode):
-        yield node
-    for one in _below(node):
-        yield from _scalars(one)
-
-
-def _below(node: yaml.Node | None) -> Iterator[yaml.Node]:
-    """The nodes in a list or a mapping, keys among them."""
-    for item in node.value if isinstance(node, yaml.CollectionNode) else ():
-        yield from item if isinstance(item, tuple) else (item,)
-
-
-def _root(path: Path, pattern: re.Pattern[str]) -> yaml.Node | None:
-    """The nodes of a file in which a pattern is found; of one that is wrong None, since who reads it reports that."""
-    try:
-        text = path.read_text(encoding="utf-8")
-        return yaml.compose(text, Loader=yaml.SafeLoader) if pattern.search(text) else None
-    except (OSError, ValueError, RecursionError, yaml.YAMLError):
-        return None

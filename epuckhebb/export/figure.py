@@ -12,7 +12,7 @@ from epuckhebb.export.replay import recording
 from epuckhebb.runs import config_of, figures
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Run, load_genome, of_multirun, write_atomic
-from epuckhebb.studies import evolutions, sweep
+from epuckhebb.studies import sweep
 from epuckhebb.studies.study import study_named
 from epuckhebb.tmaze.individual import GA_ALONE
 
@@ -61,8 +61,7 @@ def draw(path: Path, name: str, kind: str, width_mm: float | None, output: Path 
     if name in FIGURES and run.has(FIGURES[name]):
         drawn = _of_run(run, name)
     elif of_multirun(path):
-        is_evolved = (of_multirun(path)[0] / "history.csv").is_file()
-        drawn = (evolutions.figures(path) if is_evolved else sweep.figures(run))[name]
+        drawn = sweep.figures(run)[name]
     else:
         drawn = study_named(run.json("sweep.json")["name"]).stored(run).figures(run)[name]
     target = output or path / "figures" / f"{name}.{kind}"

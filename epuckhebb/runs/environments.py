@@ -268,11 +268,8 @@ def _(config: EvaluateEnvironment, genome: Genome | None = None) -> PreparedEnvi
     if genome is None:
         genome = load_genome(config.genome, config.environment.name, network.wiring)
     if genome.network != replace(network, rewarded=genome.network.rewarded):
-        raise ConfigError(
-            f"genome={genome.name} is for a network {genome.network}{f' of {genome.robot}' if genome.robot else ''}; "
-            f"environment={config.world.name} and the settings of network make {network}. Give another genome, "
-            "environment, or network.layers"
-        )
+        evolved = f"a network {genome.network}{f' of {genome.robot}' if genome.robot else ''}"
+        raise ConfigError(f"genome={genome.name} is for {evolved}, environment={config.world.name} has {network}")
     check_rules(genome, network, [(tested.name, tested.rule) for tested in config.controllers])
     return PreparedEnvironmentEvaluation(config=config, genome=genome)
 

@@ -17,7 +17,6 @@ from epuckhebb.config import (
     Checked,
     EvaluateConfig,
     alternatives,
-    check_library,
     dump,
     environment_of_run,
     hand,
@@ -84,16 +83,12 @@ class PreparedEvaluation:
             return None
         experiment, known = config.world.experiment, genome.nominal
         if known is not None and known.experiment != experiment:
-            raise ConfigError(
-                f"genome={genome.name} remembers {known.scenario}, a world of the {known.experiment} experiment; it "
-                f"cannot tell what is new in a scenario of the {experiment} experiment. Give a champion of that "
-                "experiment, or adaptation=none"
-            )
+            memory = f"remembers {known.scenario}, of the {known.experiment} experiment"
+            raise ConfigError(f"genome={genome.name} {memory}; give a champion of {experiment}, or adaptation=none")
         gain = config.lifetime.gain_rad_s
         if known is not None and (known.gain_rad_s == gain or not any(one.is_gated for one in adaptations)):
             return known
         world = training_world(config, genome.physics)
-        check_library(world)
         return measure_nominal(genome.network_genes, world, gain, threads, genome.network)
 
     def run(self, nominal: Nominal | None, threads: int) -> tuple[Rows, Traces]:
@@ -126,24 +121,25 @@ class PreparedEvaluation:
 
     def write(self, run: RunFolder, nominal: Nominal | None, threads: int) -> None:
         """Run the lifetimes, and write their tables, their traces, and last their figures."""
+        import pandas as pd  # takes a while to load, as does all that draws
+
         config, genome = self.config, self.genome
         if config.scenario.hand is not None:
             run.write(hand.NAME, hand.content(config.scenario.hand))
         metrics, traces = self.run(nominal, threads)
-        run.write("metrics.csv", metrics)
+        lives = pd.DataFrame(metrics)
+        run.write("metrics.csv", lives)
         if config.world.task.has_trials:
-            import pandas as pd  # takes a while to load, as does all that draws
-
             from epuckhebb.analysis import reversal
 
             trials = pd.DataFrame(traces.trials)
-            shares = reversal.table(pd.DataFrame(metrics), trials, config.world.task, config.seed)
+            shares = reversal.table(lives, trials, config.world.task, config.seed)
             run.write("reversal_trials.csv", trials)
             run.write("reversal.csv", shares)
             run.write("reversal.md", reversal.readable(shares).markdown())
             write_figure(run, "reversal", config, genome.name, shares, trials)
         else:
-            table, below = tables.paper_table(metrics), [*map(tables.plain, self.notes), tables.saturation(metrics)]
+            table, below = tables.paper_table(lives), [*map(tables.plain, self.notes), tables.saturation(lives)]
             run.write("table.csv", tables.flat(table))
             run.write("table.md", "\n".join([tables.to_markdown(table), *(f"{note}\n" for note in below if note)]))
         if config.lifetime.record_every:
@@ -166,24 +162,16 @@ def check_genome(genome: Genome, world: Scenario, shape: tuple[int, ...] | Wirin
     """Refuse a champion of another task, wiring or robot, or of a robot with other sensors of the user's own."""
     task, robot, sensors = world.task, world.robot, reading_names(world.robot.sensors)
     if genome.network.rewarded != task.gives_reward:
-        has = "has no input for the reward of" if task.gives_reward else "has an input for a reward, unlike"
-        raise ConfigError(
-            f"genome={genome.name} is for a network of layers {genome.network}, which {has} task={task.name}; "
-            f"give task={genome.task or ONE_TRIAL.name}, or a champion that was evolved with task={task.name}"
-        )
+        evolved = f"was evolved with task={genome.task or ONE_TRIAL.name}"
+        raise ConfigError(f"genome={genome.name} {evolved}, got task={task.name}, with another reward as input")
     has_others = bool(genome.optimizer) and genome.sensors != sensors
     asked = shape.name if isinstance(shape, Wiring) else LAYERS
     if genome.wiring != asked:
-        raise ConfigError(
-            f"genome={genome.name} is for network.wiring={genome.wiring}, the settings have network.wiring={asked}; "
-            f"give network.wiring={genome.wiring} (FILE.py:{genome.wiring} if you wrote it), or another champion"
-        )
+        raise ConfigError(f"genome={genome.name} is for network.wiring={genome.wiring}, got network.wiring={asked}")
     if genome.robot != robot.name or genome.network.inputs != world.inputs or has_others:
-        raise ConfigError(
-            f"genome={genome.name} is for robot {genome.robot} with own sensors {genome.sensors or 'none'}, and a "
-            f"network of layers {genome.network}; robot {robot.name} has {robot.inputs} readings, own sensors "
-            f"{sensors or 'none'}. Give robot={genome.robot} and robot.sensors as in training, or another champion"
-        )
+        evolved = f"robot={genome.robot}, own sensors {genome.sensors or 'none'} and layers {genome.network}"
+        given = f"robot={robot.name}, own sensors {sensors or 'none'} and {robot.inputs} readings"
+        raise ConfigError(f"genome={genome.name} is for {evolved}, got {given}")
 
 
 def check_rules(genome: Genome, network: Network, rules: Iterable[tuple[str, Rule]]) -> None:
@@ -197,11 +185,9 @@ def check_rules(genome: Genome, network: Network, rules: Iterable[tuple[str, Rul
         missing = [name for name, size in evolved_sizes(kind, network).items() if sizes.get(name) != size]
         is_other = genome.rule not in ("", name_of(kind)) or rule.initial_weights is not initial_weights
         if missing or (genome.plan.of_rule.parts and is_other):
-            takes = f", takes {', '.join(missing)} from the genome" if missing else ""
-            raise ConfigError(
-                f"{name} has rule {name_of(kind)}{takes}, and genome={genome.name} has {genome.plan.text()}. Give the "
-                f"rule of its evolution, {genome.rule or 'none'} with hebbian.initial_weights={initial_weights.name}"
-            )
+            evolved = f"rule {genome.rule or 'none'} with hebbian.initial_weights={initial_weights.name}"
+            has = f"genome={genome.name} has {genome.plan.text()}, of {evolved}"
+            raise ConfigError(f"{name} has rule {name_of(kind)}, and {has}")
 
 
 @functools.singledispatch
@@ -210,7 +196,6 @@ def prepare_evaluation(config: Any, genome: Genome | None = None) -> Any:
 
     It gives a `PreparedEvaluation`, or one of its like.
     """
-    check_library(config.world)
     if genome is None:
         genome = load_genome(config.genome, config.world.experiment, config.shape)
     check_genome(genome, config.world, config.shape)

@@ -17,7 +17,6 @@ from epuckhebb.adaptation.nominal import Nominal, measure_nominal
 from epuckhebb.config import (
     OWN_CODE,
     EvolveConfig,
-    check_library,
     dump,
     from_values,
     network_for,
@@ -187,7 +186,6 @@ def prepare_evolution(config: Any, *, has_genome: bool = True) -> Any:
     has_genome: whether the genome that the settings name exists yet; else nothing is read.
     """
     world = config.world
-    check_library(world)
     network = network_for(world, config.shape)
     plan = plan_of(network, type(config.rule))
     given = _named("genome", config, network).network_genes if has_genome and config.genome is not None else None
@@ -200,10 +198,8 @@ def prepare_evolution(config: Any, *, has_genome: bool = True) -> Any:
         origin = training_world(config, world.physics.name)
         origin = replace(origin, task=world.task, fitness=world.fitness)
         if replace(origin, name=world.name) == world:
-            raise ConfigError(
-                "training.season and training.rehearsal need another world than the training world of the experiment, "
-                f"got scenario={world.name}; give one, as scenario=lowlight or change=[slip_left]"
-            )
+            needed = "another world than that of training, as scenario=lowlight or change=[slip_left]"
+            raise ConfigError(f"training.season and training.rehearsal need {needed}, got scenario={world.name}")
     with refusing():
         check_start(config.algorithm, config.plan, config.seed, start[1] if start else None)
     return PreparedEvolution(config=config, network=network, plan=plan, given=given, start=start, origin=origin)
@@ -218,10 +214,7 @@ def _named(key: str, config: EvolveConfig, network: Network) -> Genome:
     except ConfigError as error:
         raise ConfigError(str(error).replace("genome=", f"{key}=", 1)) from error
     if genome.network != network:
-        raise ConfigError(
-            f"{key}={where} is for a network of layers {genome.network}; this evolution is for layers {network}. Give "
-            "another champion or network.layers"
-        )
+        raise ConfigError(f"{key}={where} is for network.layers {genome.network}, this evolution for {network}")
     return genome
 
 
@@ -233,10 +226,8 @@ def _start_genes(first: Genome, config: EvolveConfig) -> NDArray[np.float64]:
     start = np.concatenate([genes.get(part.name, np.zeros(part.size)) for part in plan.parts])
     limit = getattr(algorithm, "gene_limit", np.inf)
     if (np.abs(start) > limits(plan, limit)).any():
-        raise ConfigError(
-            f"{algorithm.key}.gene_limit must be {np.abs(start).max():g} or more, the largest gene of "
-            f"start={config.start}, got {limit:g}"
-        )
+        most = f"{np.abs(start).max():g} or more, the largest gene of start={config.start}"
+        raise ConfigError(f"{algorithm.key}.gene_limit must be {most}, got {limit:g}")
     return start
 
 
@@ -311,17 +302,11 @@ def resume(arguments: list[str]) -> Path:
     own, own_before = own_files(values), facts.get("own_code", {})
     for file, now in own.items():
         if str(file) not in own_before or now.copy != own_before[str(file)]["copy"]:
-            raise ConfigError(
-                f"{file}, or a file that it imports, is not what {path} began with; put it back as it was (a copy is "
-                f"in {path / OWN_CODE}), or begin another evolution"
-            )
+            raise ConfigError(f"{file}, or a file that it imports, has changed; a copy is in {path / OWN_CODE}")
     changeable = _changeable(before)
     for key, value in values_of(changes).items():
         if key not in changeable:
-            raise ConfigError(
-                f"{key}={value} cannot be given with {RESUME}: the evolution is resumed with the settings in "
-                f"{path / CONFIG}; only these may be changed: {', '.join(changeable)}"
-            )
+            raise ConfigError(f"{key}={value} cannot be given with {RESUME}; only {', '.join(changeable)} can")
         group, _, last = key.rpartition(".")
         (values[group] if group else values)[last] = value
     config = from_values(values, schema, f"resume={path}")

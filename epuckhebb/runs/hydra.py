@@ -166,13 +166,6 @@ def _do(task: Callable[[Any], None], errors: list[Exception], parent: int, cfg: 
         errors.append(error)
 
 
-def _begun(arguments: list[str]) -> set[Path]:
-    """What jobs of a multirun have in its folder as soon as they begin, or as SLURM has them."""
-    folders = [Path(value_of(word)) for word in arguments if word.startswith(SWEEP_DIR)][-1:]  # the last counts
-    begun = ("*/.hydra", "*/*/.hydra", ".submitit/[0-9]*/")
-    return {path for folder in folders for pattern in begun for path in folder.glob(pattern)}
-
-
 def call(command: str, task: Callable[[Any], None], arguments: list[str], config_dir: str | None = None) -> None:
     """Call Hydra as its own command line would; see `run`. task: is given each configuration that Hydra composed."""
     errors: list[Exception] = []
@@ -180,7 +173,6 @@ def call(command: str, task: Callable[[Any], None], arguments: list[str], config
         functools.partial(_do, task, errors, os.getpid())
     )
     workers = joblib_workers() if "--multirun" in arguments else nullcontext()
-    before = _begun(arguments)
     with catalogue(command, config_dir), _as_command_line(command, arguments), workers:
         try:
             entry()
@@ -189,10 +181,7 @@ def call(command: str, task: Callable[[Any], None], arguments: list[str], config
         except Exception as error:
             if "--multirun" not in arguments or isinstance(error, HydraException | OmegaConfBaseException):
                 raise ConfigError(explain(error)) from error
-            why = f"{type(error).__name__}: {error}"  # of the launcher, not of a job
-            if _begun(arguments) == before:
-                raise ConfigError(f"nothing was submitted: {why}") from error
-            raise JobFailedError(f"the launcher stopped: {why}") from error
+            raise JobFailedError(f"the launcher stopped: {type(error).__name__}: {error}") from error
     if errors:
         raise errors[0]
 

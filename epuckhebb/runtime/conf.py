@@ -1,4 +1,4 @@
-"""Lists the groups of `conf/` and their choices. Completion and help need it, so it imports nothing heavy.
+"""Lists the groups of `conf/` and their choices. Help needs it, so it imports nothing heavy.
 
 A choice is a file of the group's folder, or a row of the table that the group has.
 """

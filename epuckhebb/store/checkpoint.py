@@ -69,10 +69,7 @@ class Checkpoint:
         with one_error(f"{path} cannot be read as a checkpoint of this run's configuration"):
             arrays = arrays_of(Run(run).content(CHECKPOINT))
             if str(arrays["settings"]) != settings:
-                raise ConfigError(
-                    f"{run}/.hydra/config.yaml is not what this evolution began with, and to resume it would mix two "
-                    f"evolutions: put it back as it was. The number of generations and threads may be changed"
-                )
+                raise ConfigError(f"{run}/.hydra/config.yaml is not what this evolution began with; put it back")
             ends = np.cumsum(arrays["individuals"])[:-1]  # of each generation
             names = [name for name in arrays if name.startswith(_MEASURE)]
             measures = {name.removeprefix(_MEASURE): np.split(arrays[name], ends) for name in names}

@@ -238,9 +238,7 @@ def _refuse_foreign(path: Path, command: str | None = None) -> None:
         if foreign and Run(path).provenance["command"] == command:
             return
     if foreign:
-        raise ConfigError(
-            f"{path} holds other files ({min(foreign)}, ...), which stay; give a folder that is new or empty"
-        )
+        raise ConfigError(f"{path} holds other files ({min(foreign)}, ...); give a folder that is new or empty")
 
 
 def _remove_half_done(path: Path) -> None:

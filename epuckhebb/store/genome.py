@@ -122,25 +122,16 @@ def load_genome(where: str, experiment: str, shape: tuple[int, ...] | Wiring | N
         path = path_of(where, "genome")
         name, path = (path.resolve().name, path / CHAMPION) if path.is_dir() else (path.stem, path)
     if not path.is_file():
-        raise ConfigError(
-            f"genome={where} does not exist: there is no file {path}. Give `{LATEST}`, a run folder of `epuckhebb "
-            f"evolve`, a .npz or .npy file, `{REFERENCE}`, or for example `{REFERENCE}_7`, a champion of these results"
-        )
+        known = f"`{LATEST}`, a run of evolve, a .npz or .npy file, `{REFERENCE}`, or one as `{REFERENCE}_7`"
+        raise ConfigError(f"genome={where} does not exist: there is no file {path}; give {known}")
     return _read_genome(path, name, shape)
-
-
-def is_bundled(where: str) -> bool:
-    """Whether `genome=...` names a champion that comes with the program."""
-    return where == REFERENCE or _OF_SEED.fullmatch(where) is not None
 
 
 def checked_genes(genes: NDArray[np.generic], where: str, plan: GenomePlan) -> NDArray[np.float64]:
     """The genes as float64 of shape (genes,)."""
     if genes.dtype.kind not in "fiu" or genes.shape != (plan.genes,):
-        raise ConfigError(
-            f"genome={where} must hold {plan.genes} numbers in one dimension ({plan.text()}), got {genes.dtype} of "
-            f"shape {genes.shape}"
-        )
+        needed = f"{plan.genes} numbers in one dimension ({plan.text()})"
+        raise ConfigError(f"genome={where} must hold {needed}, got {genes.dtype} of shape {genes.shape}")
     if not np.isfinite(genes).all():
         raise ConfigError(f"genome={where} must hold finite numbers, {(~np.isfinite(genes)).sum()} are not")
     return genes.astype(np.float64)
@@ -197,11 +188,8 @@ def _read_genome(path: Path, name: str, shape: tuple[int, ...] | Wiring | None) 
             wired, own = Network((network.inputs, *shape.sizes), network.rewarded, shape), network.wiring
             is_like = own is not None and own.name == shape.name and wired.layers == network.layers
             if not (is_like and np.array_equal(wired.joined, network.joined)):
-                raise ConfigError(
-                    f"genome={path} is for a network {network} of {network.synapses} synapses with network.wiring="
-                    f"{own.name if own else LAYERS}, and the settings below network make another, of {wired.synapses} "
-                    f"with network.wiring={shape.name}; give those of its evolution, or another champion"
-                )
+                its = f"{network} with network.wiring={own.name if own else LAYERS}"
+                raise ConfigError(f"genome={path} is for a network {its}, the settings make another: {wired}")
             network = wired
         if layers and network.layers != layers:
             raise ConfigError(f"genome={path} is of layers {network}, and network.layers asks for {list(layers)}")

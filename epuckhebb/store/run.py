@@ -3,7 +3,6 @@
 import io
 from collections.abc import Mapping
 from contextlib import suppress
-from datetime import UTC, datetime, timedelta
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -125,20 +124,14 @@ def when(status: Mapping[str, Any]) -> str:
     return str(status.get("finished", status.get("started", "")))
 
 
-def is_of_future(status: Mapping[str, Any]) -> bool:
-    """Whether that time is to come: the clock was wrong. Those of several machines may differ by a minute."""
-    return when(status) > (datetime.now(UTC) + timedelta(minutes=1)).isoformat()
-
-
 def below_runs() -> list[Path]:
     """All folders below `runs/` in which this program has worked, the one that ended, or else began, last at the end.
 
-    Runs of a multirun come one by one, the jobs of a sweep or a reproduction only as a whole. Those of the future come
-    first: when they ran is not known.
+    Runs of a multirun come one by one, the jobs of a sweep or a reproduction only as a whole.
     """
     found = [status for pattern in ("*/*", "*/*_multirun/*") for status in Path("runs").glob(f"{pattern}/{STATUS}")]
     known = {status.parent: _json(status) for status in found}  # the times of files change when they are copied
-    return sorted(known, key=lambda run: (not is_of_future(known[run]), when(known[run]), run))
+    return sorted(known, key=lambda run: (when(known[run]), run))
 
 
 def of_multirun(path: Path) -> list[Path]:

@@ -5,7 +5,6 @@ rules, the science.
 """
 
 import functools
-import time
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -23,7 +22,6 @@ from epuckhebb.config import (
     EvolveConfig,
     OwnFile,
     Plain,
-    check_library,
     dump,
     from_values,
     load,
@@ -39,12 +37,10 @@ from epuckhebb.runs import (
     prepare_evolution,
 )
 from epuckhebb.runtime import ConfigError, JobFailedError
-from epuckhebb.store import RunFolder, as_json, digest, write_atomic
+from epuckhebb.store import RunFolder, digest
 from epuckhebb.studies.jobs import Job
 from epuckhebb.studies.study import Study, job_name
 from epuckhebb.tmaze.fitness import Signal
-
-COST = "cost.json"
 
 
 class ChampionStudy(Study):
@@ -79,9 +75,7 @@ class ChampionStudy(Study):
         prepared = prepare_evolution(config)
         prepared.compile()
         run = new_evolution(path, config, job["overrides"], facts)
-        began = time.process_time()
         evolve_into(run, prepared, None, threads=hydra.threads_of_job(config.threads), quiet=True)
-        write_atomic(path / COST, as_json({"cpu_s": round(time.process_time() - began, 2)}))
 
 
 def job_of(overrides: list[str], config: Plain, *, champion: str = "", purpose: str = "", **more: Any) -> Job:
@@ -104,7 +98,6 @@ def evaluation_named(name: str, config_dir: str | None) -> EvaluateConfig:
         config = evaluation_in(scenario, (f"change={changes}", "hebbian=none"), config_dir)
     except ConfigError as error:
         raise ConfigError(f"world {name}: {error}") from error
-    check_library(config.world)
     return config
 
 
@@ -133,7 +126,6 @@ def _test(path: Path, config: EvaluateConfig, job: Plain, overrides: list[str], 
     facts = {"seed": config.seed, "genome": genome.name, "genome_sha256": genome.sha256, **facts}
     own = own_files(config.values)
     with RunFolder.new(path, facts["command_line"][1], dump(config), overrides, facts, own) as run:
-        began = time.process_time()
 
         def tested(genes: NDArray[np.float64]) -> pd.DataFrame:
             rows: Rows = []
@@ -152,4 +144,3 @@ def _test(path: Path, config: EvaluateConfig, job: Plain, overrides: list[str], 
             evolution = earlier_champions(path.parents[1] / job["champion"], job["course"])
             course = [{"robot_steps": n, **board.of_champion(tested(one), training_world)[0]} for n, one in evolution]
             run.write("course.csv", pd.DataFrame(course)[["robot_steps", "trials", "successes"]])
-        run.write(COST, as_json({"cpu_s": round(time.process_time() - began, 2)}))

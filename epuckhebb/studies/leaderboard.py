@@ -35,7 +35,7 @@ from epuckhebb.controller.ranges import within
 from epuckhebb.runs import compile_for, prepare_evolution
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Run, fingerprint
-from epuckhebb.studies.champions import COST, ChampionStudy, evaluation_in, evaluation_named, job_of, worlds_digest
+from epuckhebb.studies.champions import ChampionStudy, evaluation_in, evaluation_named, job_of, worlds_digest
 from epuckhebb.studies.jobs import Job, split
 from epuckhebb.studies.methods import ALL, Method, in_reversal, methods_named
 from epuckhebb.studies.study import Planned, prepare
@@ -137,16 +137,15 @@ class Leaderboard(ChampionStudy):
         return Path("runs") / "leaderboard" / f"seed{self.first_seed}_{fingerprint(depends)[:8]}"
 
     def tables(self, runs: Sequence[Run]) -> dict[str, pd.DataFrame]:
-        """See `Study`: a row for each champion; for each method and test world; the leaderboard; costs."""
+        """See `Study`: a row for each champion; for each method and test world; the leaderboard."""
         folder = runs[0].path.parent
-        champions, worlds, costs, courses = [], [], [], []
+        champions, worlds, courses = [], [], []
         sweeps = {
             name.replace("+", "_"): sweep for sweep in reversed(self.tests) for name in _swept(sweep, self.config_dir)
         }
         for entry in self.entries:
             whose = {"experiment": entry.row.experiment, "method": entry.row.method}
             *evolutions, tests = (entry.jobs[stage] for stage in STAGES if stage in entry.jobs)
-            spent: dict[str, list[float]] = {"evolve_cpu_s": [], "test_cpu_s": []}
             of_worlds = []
             for seed, test in tests.items():
                 evolved = [Run(folder / jobs[seed].run) for jobs in evolutions]
@@ -164,15 +163,12 @@ class Leaderboard(ChampionStudy):
                 if tested.has("course.csv"):
                     course = [*tested.table("course.csv").to_dict("records"), counts | {"robot_steps": steps}]
                     courses += [whose | {"seed": seed, "mark": mark, **row} for mark, row in enumerate(course)]
-                spent["evolve_cpu_s"].append(sum(run.json(COST)["cpu_s"] for run in evolved))
-                spent["test_cpu_s"].append(tested.json(COST)["cpu_s"])
             summed = pd.concat(of_worlds).groupby("scenario", sort=False).sum().reset_index()
             summed.insert(0, "tests", summed.scenario.map(sweeps).fillna(""))
             worlds += [whose | {str(name): value for name, value in row.items()} for row in summed.to_dict("records")]
-            costs.append(whose | {name: round(sum(each) / len(each), 1) for name, each in spent.items()})
         made = pd.DataFrame(champions).astype({"successes_off": "Int64", "successes_inverted": "Int64"})
         table = board.table([entry.row for entry in self.entries], made)
-        every = {"champions": made, "worlds": pd.DataFrame(worlds), "leaderboard": table, "cost": pd.DataFrame(costs)}
+        every = {"champions": made, "worlds": pd.DataFrame(worlds), "leaderboard": table}
         by_champion = pd.DataFrame(courses, columns=_MARKS)
         return every | ({"anytime": board.anytime(by_champion), "anytime_by_champion": by_champion} if courses else {})
 
@@ -197,7 +193,7 @@ class Leaderboard(ChampionStudy):
         """See `Study`."""
         meanings = {entry.row.method: entry.description for entry in self.entries}
         tests = {experiment: list(own) for experiment, own in self.worlds.items()}
-        table, worlds, costs = (_table(run, name) for name in ("leaderboard", "worlds", "cost"))
+        table, worlds = (_table(run, name) for name in ("leaderboard", "worlds"))
         few = "**A smoke test: so few champions say nothing about a method.** " if self.champions < _ENOUGH else ""
         sweeps = ", ".join(self.tests)
         tested = [f"{self.repeats} repeats of every side and world of {sweeps}"] if any(tests.values()) else []
@@ -207,7 +203,7 @@ class Leaderboard(ChampionStudy):
             f"{self.first_seed} to {self.first_seed + self.champions - 1}; tests of each (seed {self.seed}): "
             f"{' and '.join(tested)}."
         )
-        return board.markdown(table, worlds, costs, meanings, tests, provenance, captions)
+        return board.markdown(table, worlds, meanings, tests, provenance, captions)
 
     @classmethod
     def shown(cls, run: Run) -> list[Table]:

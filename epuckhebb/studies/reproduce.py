@@ -163,7 +163,7 @@ class Reproduction(ChampionStudy):
         who = f"{self.champions} champions of each experiment, evolved from seeds {self.first_seed} to {last}"
         if self.given:
             who = f"genome {code(self.given.name)} (SHA-256 {self.given.sha256[:16]}…)"
-        names = ["claims", "success", "rescue_and_harm", "retention", "comparison"]
+        names = ["claims", "success", "rescue_and_harm", "comparison"]
         return reproduction.markdown(
             {name: run.table(f"{name}.csv") for name in names},
             _paper(),

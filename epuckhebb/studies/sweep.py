@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
 
-from epuckhebb.analysis import environments, summary
-from epuckhebb.analysis.lifetimes import Evaluated, Gathered, gather, repeated
+from epuckhebb.analysis import environments, evolutions, summary
+from epuckhebb.analysis.lifetimes import Evaluated, Gathered, gather
 from epuckhebb.analysis.tables import Table
 from epuckhebb.config import (
     EvaluateConfig,
@@ -33,14 +33,26 @@ from epuckhebb.config import (
 )
 from epuckhebb.controller.ranges import check_values
 from epuckhebb.runs import as_evolved, evaluate_into, hydra, prepare_evaluation
-from epuckhebb.runtime import ConfigError, say
-from epuckhebb.store import Genome, Run, RunFolder, as_bytes, digest, fingerprint, load_genome, write_atomic
+from epuckhebb.runtime import ConfigError
+from epuckhebb.store import (
+    Content,
+    Genome,
+    Run,
+    RunFolder,
+    as_bytes,
+    digest,
+    fingerprint,
+    load_genome,
+    of_multirun,
+    write_atomic,
+)
 from epuckhebb.studies.jobs import NO_EFFECT, Job, Outcome, split
 from epuckhebb.studies.study import Planned, Study, prepare
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_HISTORY = "history.csv"  # what an evolution has, and an evaluation has not
 _APART = ("seed", "repeats", "threads", "genome")  # keys that are checked by themselves
 
 
@@ -106,6 +118,8 @@ class Sweep(Study):
             effects = [environments.readable_effects(run.table("effects.csv"))] if run.has("effects.csv") else []
             of = "champions" if (own.champions > 1).any() else "lifetimes of a champion"
             return [environments.readable(own, f"Mean over {of}, with 95 % intervals"), *effects]
+        if "best_fitness" in own:
+            return [evolutions.readable(own)]
         return summary.readable({name: run.table(file) for name, file in files.items() if run.has(file)})
 
 
@@ -123,13 +137,10 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Plan
     check_words(command, own, several=True)
     choices = alternatives(readable([*(f"{key}={values}" for key, values in params.items()), *own]))
     listed: dict[str, Job] = {}
-    identities, again = Identities(), 0
+    identities = Identities()
     for overrides, config in configurations(command, named, itertools.product(*choices.values()), config_dir):
         run = identities.of(config)
-        job = Job(number=len(listed), overrides=[*named, *overrides], run=run, config=config)
-        again += listed.setdefault(run, job) is not job
-    if again:
-        say(repeated(again))
+        listed.setdefault(run, Job(number=len(listed), overrides=[*named, *overrides], run=run, config=config))
     typed = [name, *arguments, *(["--config-dir", config_dir] if config_dir else [])]
     return prepare(Sweep(name, list(listed.values())), of_hydra, typed)
 
@@ -169,19 +180,40 @@ def _without(config: Plain, keys: Sequence[str]) -> Plain:
 
 
 def write_summary_of_multirun(folder: Path, finished: Sequence[Path]) -> None:
-    """Write the tables over all runs of a multirun of `evaluate`, as of a sweep, into its folder."""
-    jobs = [
-        Job(number=number, overrides=Run(path).provenance["overrides"], run=path.name, config={})
-        for number, path in enumerate(finished)
-    ]
-    gathered = gather([_evaluated(folder / job.run, job.settings, {}) for job in jobs])
-    _write_over_all(folder, lambda name, content: write_atomic(folder / name, as_bytes(content)), gathered)
+    """Write the tables and figures over all runs of a multirun of `evaluate`, or of `evolve`, into its folder."""
+
+    def write(name: str, content: Content) -> None:
+        write_atomic(folder / name, as_bytes(content))
+
+    if Run(finished[0]).has(_HISTORY):
+        write("summary.csv", evolutions.summary(_ways(finished)))
+        _draw(folder, write)
+    else:
+        _write_over_all(folder, write, gather([_evaluated(path, _settings(path), {}) for path in finished]))
+
+
+def _settings(path: Path) -> dict[str, str]:
+    """The settings of a run of a multirun, by key."""
+    return Job(number=0, overrides=Run(path).provenance["overrides"], run="", config={}).settings
+
+
+def _ways(runs: Sequence[Path]) -> list[tuple[Mapping[str, Any], list[pd.DataFrame]]]:
+    """The settings that evolutions differ in, but for the seed, and the histories of each."""
+    every = list(map(_settings, runs))
+    differ = [key for key in every[0] if key != "seed" and len({own.get(key) for own in every}) > 1]
+    ways: dict[tuple[str, ...], list[pd.DataFrame]] = {}
+    for path, settings in zip(runs, every, strict=True):
+        ways.setdefault(tuple(settings.get(key, "") for key in differ), []).append(Run(path).table(_HISTORY))
+    return [(dict(zip(differ, way, strict=True)), own) for way, own in ways.items()]
 
 
 def figures(run: Run) -> dict[str, "Figure"]:
-    """The figures of the tables over all lifetimes in a folder of a sweep or a multirun."""
+    """The figures of the tables over all runs in a folder of a sweep or a multirun."""
     from epuckhebb.analysis import charts  # matplotlib takes a while to load
 
+    if (runs := of_multirun(run.path)) and Run(runs[0]).has(_HISTORY):
+        ways = {" ".join(f"{key}={value}" for key, value in way.items()): own for way, own in _ways(runs)}
+        return {"learning": charts.learning_curves(ways)}
     drawn = {
         "dose_response": ("doses.csv", charts.dose_response),
         "rescue_and_harm": ("rescue_over_all.csv", charts.rescue_and_harm),
@@ -190,15 +222,13 @@ def figures(run: Run) -> dict[str, "Figure"]:
     return {name: draw(run.table(file)) for name, (file, draw) in drawn.items() if run.has(file)}
 
 
-def _write_over_all(folder: Path, write: Callable[[str, bytes | str | pd.DataFrame], None], gathered: Gathered) -> None:
-    """Write the tables, the page and the figures over all lifetimes, and say what else a reader must know."""
+def _write_over_all(folder: Path, write: Callable[[str, Content], None], gathered: Gathered) -> None:
+    """Write the tables, the page and the figures over all lifetimes."""
     rows, settings = gathered.rows, gathered.settings
     if "environment" in rows:
         tables = environments.tables(rows, settings)
     else:
         tables = {"summary": summary.summary(rows, settings)}
-        if gathered.repeated:
-            say(gathered.repeated)
         if rows.empty:
             write("summary.csv", tables["summary"])
             return
@@ -211,6 +241,11 @@ def _write_over_all(folder: Path, write: Callable[[str, bytes | str | pd.DataFra
             write("report.md", harm[1])
     for name, table in tables.items():
         write(f"{name}.csv", table)
+    _draw(folder, write)
+
+
+def _draw(folder: Path, write: Callable[[str, Content], None]) -> None:
+    """Write the figures of the tables in a folder."""
     if drawn := figures(Run(folder)):
         from epuckhebb.analysis.image import image  # matplotlib takes a while to load
 

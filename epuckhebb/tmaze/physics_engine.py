@@ -80,9 +80,6 @@ class Physics(OwnClass, ABC):
     def check(self, world: Any) -> None:  # most worlds can be in any
         """Check that a world can be in this physics; else a ValueError."""
 
-    def check_library(self) -> None:  # that of pymunk comes with the program
-        """Check that what this physics runs on is installed; else a ValueError."""
-
 
 @compiled
 def pose(space: Handles) -> Pose:

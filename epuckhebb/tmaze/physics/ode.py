@@ -233,10 +233,6 @@ class Ode(Physics):
         """See `Physics`."""
         return OdeSpace(self, walls, world.maze.wall_height_m, world.robot)
 
-    def check_library(self) -> None:
-        """See `Physics`."""
-        libode.library()
-
     def check(self, world: Any) -> None:
         """See `Physics`."""
         robot, maze = world.robot, world.maze
@@ -259,7 +255,7 @@ class Ode(Physics):
 
     def mover(self, robot: Robot) -> Move:
         """See `Physics`."""
-        self.check_library()
+        libode.library()
         assert robot.solid is not None  # `check` has looked
         top, centre = robot.solid.hull_m[1], robot.solid.centre_of_mass_m
         wheel = math.hypot(robot.axle_m / 2 + robot.solid.wheel_width_m / 2, robot.wheel_radius_m)
