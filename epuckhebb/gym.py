@@ -156,10 +156,7 @@ def genome_from_policy(weights: Sequence[Any], bias: Any, network: Network = PAP
     shapes = [(network.inputs, network.post[0]), *network.shapes[1:]]
     if [one.shape for one in layers] != shapes or first.shape != shapes[0][1:]:
         wanted = ", ".join(str(shape[::-1]) for shape in shapes)
-        raise ConfigError(
-            f"a policy for layers {network} has weights of shape {wanted}, and a bias of shape {shapes[0][1:]}, got "
-            f"{', '.join(str(one.T.shape) for one in layers)}, and {first.shape}"
-        )
+        raise ConfigError(f"a policy for layers {network} needs {wanted}, got {[one.T.shape for one in layers]}")
     genes = np.concatenate([np.vstack([layers[0], first]).ravel(), *(one.ravel() for one in layers[1:])])
     if not (np.abs(genes) <= WEIGHT_LIMIT).all():
         raise ConfigError(f"weights must lie in [-{WEIGHT_LIMIT:g}, {WEIGHT_LIMIT:g}], got {np.abs(genes).max():g}")

@@ -45,13 +45,11 @@ def test_a_lifetime_in_two_evaluations_counts_once(other):
     found = gather([evaluated(), evaluated(**other), evaluated(**other)])
     assert len(found.rows) == 8
     assert set(found.rows.genome) == {"g"}
-    assert found.repeated.startswith("2 of the evaluations")
     assert set(summary.summary(found.rows, found.settings).n) == {2}
 
 
 def test_evaluations_with_lifetimes_of_their_own_repeat_nothing():
     found = gather([evaluated(), evaluated(rate="0.2"), evaluated(seed="2"), evaluated(repeats=3)])
-    assert found.repeated == ""
     assert len(found.rows) == 8 + 4 + 8 + 4
 
 

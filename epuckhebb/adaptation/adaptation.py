@@ -66,23 +66,16 @@ class Adaptation(NoAdaptation):
         allowed = (NONE, *names_in(change_signals))
         is_own = not isinstance(self.change_signal, str) or ":" in self.change_signal
         if not is_own and self.change_signal not in allowed:
-            raise ValueError(
-                f"adaptation.change_signal must be one of {', '.join(allowed)}, or FILE.py:NAME, a change signal of "
-                f"your own, got {self.change_signal!r}"
-            )
+            known = f"one of {', '.join(allowed)}, or FILE.py:NAME"
+            raise ValueError(f"adaptation.change_signal must be {known}, got {self.change_signal!r}")
         check(self, "adaptation")
         if self.rest_s > 0 and self.active_s == 0:
-            raise ValueError(
-                f"adaptation.rest_s = {self.rest_s:g} needs adaptation.active_s above 0: rests follow active times"
-            )
+            raise ValueError(f"adaptation.rest_s = {self.rest_s:g} needs adaptation.active_s above 0")
         if self.change_signal == NONE:
             gated = [field for field in fields(self)[2:] if field.name != "homeostasis"]
             unused = [field.name for field in gated if getattr(self, field.name) != field.default]
             if unused:
-                raise ValueError(
-                    f"adaptation.{unused[0]} does nothing without a signal of change: give adaptation.change_signal, "
-                    f"one of {', '.join(names_in(change_signals))}"
-                )
+                raise ValueError(f"adaptation.{unused[0]} does nothing without adaptation.change_signal; give one")
         kind = None if is_own or self.change_signal == NONE else class_in(change_signals, self.change_signal)
         self.signal: type[ChangeSignal] | None = self.change_signal if isinstance(self.change_signal, type) else kind
         self.is_gated = self.signal is not None
@@ -117,20 +110,11 @@ class Adaptation(NoAdaptation):
         if self.plastic_when is PlasticWhen.goal_signal and isinstance(rule, NoRule):
             raise ValueError("adaptation.plastic_when=goal_signal needs a plasticity rule: give hebbian=stay")
         if duration_s <= self.start_by_s < math.inf:
-            raise ValueError(
-                f"adaptation.start_by_s must be less than lifetime.duration_s = {duration_s:g}, or inf for never, got "
-                f"{self.start_by_s:g}"
-            )
+            raise ValueError(f"adaptation.start_by_s must be less than lifetime.duration_s, got {self.start_by_s:g}")
         if self.homeostasis and wiring is not None:
-            raise ValueError(
-                f"adaptation={self.name} scales the weights between the light sensors and the first layer, and "
-                f"network.wiring={wiring.name} has no layers; give another adaptation, or network.wiring={LAYERS}"
-            )
+            raise ValueError(f"adaptation={self.name} needs network.wiring={LAYERS}, got {wiring.name}, without layers")
         if rule.signal == Signal.fitness and self.signal and "fitness" in self.signal.arguments("signal"):
-            raise ValueError(
-                f"hebbian.signal=fitness does not go with adaptation={self.name}, which needs the nominal statistics "
-                "of the paper's live fitness; give another signal, or another adaptation"
-            )
+            raise ValueError(f"hebbian.signal=fitness does not go with adaptation={self.name}; give another of the two")
 
     def numbers(self) -> Any:
         """See `NoAdaptation`."""

@@ -64,8 +64,5 @@ def _sensors(robot: Robot) -> list[tuple[int, ...]]:
         elif away <= _SIDE:
             found[first if away <= _AHEAD else first + 1].append(number)
     if not all(found):
-        raise ValueError(
-            f"following walls needs distance sensors that look to the front, ahead and to the side on the left and on "
-            f"the right, and robot {robot.name} has not all of them; give adaptation.exploration=motor_noise"
-        )
+        raise ValueError(f"adaptation.exploration=wall_following needs sensors all around, unlike {robot.name}")
     return [tuple(sensors) for sensors in found]

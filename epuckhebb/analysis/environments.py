@@ -35,16 +35,8 @@ def over_lifetime(names: Sequence[str], lives: Sequence[Lived], horizon: int) ->
                 reward = float(sum(one.rewards[begin:end].sum() for one in there)) / (len(own) * (end - begin))
                 change = float(np.mean([one.weight_changes[begin:end].mean() for one in there]))
                 step = float(np.mean([one.weight_steps[begin:end].mean() for one in there]))
-                rows.append(
-                    {
-                        "controller": name,
-                        "step": int(end),
-                        "alive": len(there) / len(own),
-                        "reward": reward,
-                        "weight_change": change,
-                        "weight_step": step,
-                    }
-                )
+                row = {"controller": name, "step": int(end), "alive": len(there) / len(own), "reward": reward}
+                rows.append(row | {"weight_change": change, "weight_step": step})
     return rows
 
 

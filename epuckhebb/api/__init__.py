@@ -84,10 +84,7 @@ def evaluate(
     config = load_config(EvaluateConfig, words, folder)
     if rule is not None:
         if rule.N == 0 and not isinstance(rule, NoRule):
-            raise ConfigError(
-                f"hebbian={type(rule).__name__}(...) has N = 0 and would change nothing; give it a rate, for example "
-                f"N={config.scenario.paper_N:g}, the paper's in this experiment, or hebbian='none'"
-            )
+            raise ConfigError(f"hebbian={type(rule).__name__}(...) has N = 0; give N, or hebbian='none'")
         own = with_controls(controller_of(rule, config.adaptation), config.world.task)
         config.controllers = [*own, *(other for other in config.controllers if other.name in config.compare)]
     loaded = None  # the one that the settings name

@@ -37,9 +37,7 @@ def parsed(words: Iterable[str]) -> list[Override]:
         return list(OverridesParser.create().parse_overrides(list(words)))
     except HydraException as error:
         given = str(getattr(error, "override", error))
-        raise ConfigError(
-            f"{given} cannot be read; a setting is KEY=VALUE, and a text in a list needs quotes: 'KEY=[\"TEXT\"]'"
-        ) from error
+        raise ConfigError(f"{given} cannot be read; give KEY=VALUE, of a text in a list 'KEY=[\"TEXT\"]'") from error
 
 
 def readable(words: Iterable[Any]) -> list[str]:

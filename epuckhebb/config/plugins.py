@@ -131,10 +131,8 @@ def class_named(text: str, base: type[Base], key: str) -> type[Base]:
     if isinstance(kind, type) and issubclass(kind, base):
         return kind
     known = [n for n, v in vars(module).items() if isinstance(v, type) and issubclass(v, base) and v is not base]
-    raise ConfigError(
-        f"{key}={text}: {file} has no subclass {name} of {base.__module__.partition('.')[0]}.{base.__name__}; it has "
-        f"{', '.join(known) or 'none'}" + did_you_mean(name, known)
-    )
+    hint = f"{', '.join(known) or 'none'}{did_you_mean(name, known)}"
+    raise ConfigError(f"{key}={text}: it has no subclass {name} of {base.__name__}, but {hint}")
 
 
 def load(file: Path, key: str) -> OwnFile:

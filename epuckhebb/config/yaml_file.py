@@ -33,6 +33,4 @@ def check_order(path: Path) -> None:
             check_order(path.with_name(f"{entry}.yaml"))
         is_late = "_self_" in defaults[: defaults.index(entry)] and not name.startswith("override ")
         if values and is_late and (isinstance(entry, str) or re.split(r"[ /.@]", name)[-1] in values):
-            raise ConfigError(
-                f"{path}: {name} comes after _self_, so it replaces values of this file; put _self_ last in defaults"
-            )
+            raise ConfigError(f"{path}: {name} comes after _self_, and replaces values of this file; put _self_ last")

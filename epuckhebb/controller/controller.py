@@ -168,6 +168,4 @@ class Controller:
     def check(self) -> None:
         """Refuse weights or activations that are no numbers, a PartError: such a lifetime means nothing."""
         if not (np.isfinite(self.weights).all() and np.isfinite(self._state.activation).all()):
-            raise PartError(
-                f"rule {self.rule.name}: weights or activations are infinite or nan; noticed at step {self.steps}"
-            )
+            raise PartError(f"rule {self.rule.name}: weights or activations are infinite or nan at step {self.steps}")

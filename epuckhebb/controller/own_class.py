@@ -72,10 +72,7 @@ class OwnClass:
         names, known = tuple(inspect.signature(getattr(cls, method)).parameters), cls.known(method)
         unknown = [name for name in names if known and name not in known]
         if unknown:
-            raise ValueError(
-                f"{cls.what()}: `{method}` has the unknown arguments {', '.join(unknown)}; known are "
-                + ", ".join(known)
-            )
+            raise ValueError(f"{cls.what()}: `{method}` takes {', '.join(unknown)}; known are {', '.join(known)}")
         return names
 
     @classmethod

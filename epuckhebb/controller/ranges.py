@@ -60,7 +60,7 @@ def check(instance: Any, prefix: str = "") -> None:
         if members and type(value) is str:
             if value not in members:
                 raise ValueError(
-                    f"{prefix and f'{prefix}.'}{one.name} must be one of {', '.join(members)}, got {value}"
+                    f"{prefix and f'{prefix}.'}{one.name} must be one of {', '.join(members)}; got {value}"
                 )
             object.__setattr__(instance, one.name, members[value])
     check_values(type(instance), {one.name: getattr(instance, one.name) for one in fields(instance)}, prefix)

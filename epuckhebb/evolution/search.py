@@ -64,10 +64,7 @@ class Search:
         for number, results in enumerate(log):
             self.ask()
             if self._digest != results.digest:
-                raise PartError(
-                    f"optimizer {optimizer.name} asks for other genomes than before in generation {number}: it depends "
-                    "on more than its seed and the results, or a library or the machine is another"
-                )
+                raise PartError(f"optimizer {optimizer.name} asks for other genomes than before in generation {number}")
             self.tell(results.fitness, results.measures)
 
     def ask(self) -> Floats:
@@ -115,10 +112,8 @@ class Search:
                 given = f"{genomes.min():g} to {genomes.max():g}"
             else:
                 given = f"shape {genomes.shape}"
-        raise PartError(
-            f"optimizer {optimizer.name}: `{method}` must return genomes, an array of 1 to {most:g} rows with {genes} "
-            f"finite numbers within their limits (optimizer.gene_limit), got {given}"
-        )
+        needed = f"1 to {most:g} genomes of {genes} finite numbers within optimizer.gene_limit"
+        raise PartError(f"optimizer {optimizer.name}: `{method}` must return {needed}, got {given}")
 
     def _do(self, method: str, *arguments: Any, **named: Any) -> Any:
         """Call a method of the optimizer."""
@@ -130,8 +125,5 @@ def check_start(optimizer: Algorithm, plan: GenomePlan, seed: int, start: Floats
     """A search that has begun; a PartError if it asks for other genomes when it is started again."""
     search, again = (Search(optimizer, plan, seed, start=start) for _ in range(2))
     if not np.array_equal(search.ask(), again.ask()):
-        raise PartError(
-            f"optimizer {optimizer.name} asks for other genomes with the same seed, so no run could be repeated; draw "
-            "all random numbers from the seed that `start` is given"
-        )
+        raise PartError(f"optimizer {optimizer.name} asks for other genomes with the same seed: no run repeats")
     return search

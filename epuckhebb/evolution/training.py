@@ -96,37 +96,20 @@ class Training:
     def check(self, scenario: Scenario, lifetime: Lifetime, loops: int) -> None:
         """Check that the settings fit this scenario, this lifetime and this number of loops; else a ValueError."""
         if self.is_varied and loops <= self.unvaried_loops:
-            raise ValueError(
-                f"training.unvaried_loops must be less than the {loops} loops of a generation, got "
-                f"{self.unvaried_loops}"
-            )
+            raise ValueError(f"training.unvaried_loops must be less than the {loops} loops, got {self.unvaried_loops}")
         if self.rehearsal >= loops:
-            raise ValueError(
-                f"training.rehearsal must be less than the {loops} loops of a generation, got {self.rehearsal}"
-            )
+            raise ValueError(f"training.rehearsal must be less than the {loops} loops, got {self.rehearsal}")
         if self.obstacles_share > 0 and not (scenario.maze.niches and any(scenario.maze.obstacle_counts)):
-            raise ValueError(
-                f"training.obstacles_share must be 0 in maze {scenario.maze.name}, which has no niches for obstacles, "
-                f"got {self.obstacles_share}"
-            )
+            raise ValueError(f"training.obstacles_share must be 0 in {scenario.maze.name}, got {self.obstacles_share}")
         if self.gain_rad_s is None:
             return
         if scenario.task.has_trials:
-            raise ValueError(
-                f"training.gain_rad_s must be null with task={scenario.task.name}, whose trials last as long at any "
-                f"gain, got {list(self.gain_rad_s)}"
-            )
+            raise ValueError(f"training.gain_rad_s must be null in {scenario.task.name}, got {list(self.gain_rad_s)}")
         most, end = self.gain_rad_s[1], self._at_gain(lifetime, self.gain_rad_s[1]).duration_s
         if most > scenario.robot.motor_limit_rad_s:
-            raise ValueError(
-                f"training.gain_rad_s must be at most {scenario.robot.motor_limit_rad_s:g}, the fastest of robot "
-                f"{scenario.robot.name}, got {most}"
-            )
+            raise ValueError(f"training.gain_rad_s must be at most {scenario.robot.motor_limit_rad_s:g}, got {most}")
         if scenario.changes and scenario.changes[-1]["at_s"] >= end:
-            raise ValueError(
-                f"scenario.changes must come before {end:g} s, the end of a lifetime at training.gain_rad_s={most:g}, "
-                f"got {scenario.changes[-1]['at_s']}"
-            )
+            raise ValueError(f"scenario.changes must come before {end:g} s, the end with training.gain_rad_s")
 
     def worlds(
         self,

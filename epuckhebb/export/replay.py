@@ -34,15 +34,10 @@ def recording(path: Path) -> Recording:
     run = Run(path)
     facts = run.provenance
     if facts["command"] != "evaluate":
-        raise ConfigError(
-            f"{path} is of `epuckhebb {facts['command']}`, which records no lifetimes; give a run of `epuckhebb "
-            f"evaluate`, for the champion of an evolution that of: epuckhebb evaluate genome={path}"
-        )
+        raise ConfigError(f"{path} records no lifetimes; give a run of evaluate, as of: evaluate genome={path}")
     config = config_of(run, "evaluate")
     if config.lifetime.record_every == 0:
-        raise ConfigError(
-            f"{path} recorded nothing to replay (lifetime.record_every=0); run it again with lifetime.record_every=8"
-        )
+        raise ConfigError(f"{path} recorded nothing to replay; run it again with lifetime.record_every=8")
     metrics = run.table("metrics.csv")
     traces, weights, network = read_traces(run)
     title = caption(config, facts.get("genome", "genome"), list(zip(metrics.controller, metrics.N, strict=True)))

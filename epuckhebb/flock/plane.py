@@ -62,10 +62,7 @@ class Flock:
         if self.breaks not in BREAKS:
             raise ValueError(f"flock.breaks must be one of {', '.join(BREAKS)}, got {self.breaks!r}")
         if self.breaks == "stranger" and self.knowers == self.robots:
-            raise ValueError(
-                f"flock.breaks=stranger needs a robot that does not know the way, and flock.knowers={self.knowers} of "
-                f"flock.robots={self.robots} know it"
-            )
+            raise ValueError(f"flock.breaks=stranger needs flock.knowers below {self.robots}, got {self.knowers}")
 
     @property
     def places(self) -> list[Pose]:

@@ -4,7 +4,7 @@ import os
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -17,27 +17,6 @@ _SLOW_S = 2.0  # after which something takes longer than usual
 _LOOK = "{desc} {n_fmt}/{total_fmt} {bar:20}{postfix}  {remaining}"  # of a bar
 
 
-class _StandardError:
-    """Standard error as it is now; a reader that stops does not stop the work."""
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(sys.stderr, name)
-
-    def write(self, text: str) -> int:
-        """Write, if anybody reads."""
-        with suppress(BrokenPipeError):
-            sys.stderr.write(text)
-        return len(text)
-
-    def flush(self) -> None:
-        """Flush, if anybody reads."""
-        with suppress(BrokenPipeError):
-            sys.stderr.flush()
-
-
-_STDERR: Any = _StandardError()
-
-
 def be_quiet(quiet: bool) -> None:
     """Decide whether this call and its workers print anything but results and errors."""
     os.environ[_QUIET] = "1" if quiet else ""
@@ -47,8 +26,8 @@ def say(note: str) -> None:
     """Print a note on standard error, unless this call is quiet."""
     if os.environ.get(_QUIET):
         return
-    with sys.modules["tqdm"].tqdm.external_write_mode(_STDERR) if "tqdm" in sys.modules else nullcontext():
-        print(note, file=_STDERR, flush=True)  # above a bar
+    with sys.modules["tqdm"].tqdm.external_write_mode(sys.stderr) if "tqdm" in sys.modules else nullcontext():
+        print(note, file=sys.stderr, flush=True)  # above a bar
 
 
 @contextmanager
@@ -69,7 +48,7 @@ def bar(what: str, total: int, done: int = 0, *, quiet: bool = False) -> "tqdm[A
 
     rarely = {} if sys.stderr.isatty() or "ipykernel" in sys.modules else {"mininterval": _LOG_S, "delay": _LOG_S}
     hidden = quiet or bool(os.environ.get(_QUIET))
-    look = {"bar_format": _LOOK, "file": _STDERR, "disable": hidden, **rarely}
+    look = {"bar_format": _LOOK, "disable": hidden, **rarely}
     return tqdm(desc=what, total=total, initial=done, miniters=1, **look)
 
 

@@ -63,9 +63,7 @@ class Run:
         """The content of a file, which must be what the run wrote, as far as its status has its checksum."""
         content = bytes_of(self.path / name)
         if self._sha256.get(name, sha256_of(content)) != sha256_of(content):
-            raise ConfigError(
-                f"{self.path / name} is not what this run wrote (its SHA-256 differs); put it back, or run it again"
-            )
+            raise ConfigError(f"{self.path / name} is not what this run wrote (its SHA-256 differs); put it back")
         return content
 
     def json(self, name: str, *needed: str) -> dict[str, Any]:

@@ -36,7 +36,7 @@ from epuckhebb.runs import (
     prepare_evaluation,
     prepare_evolution,
 )
-from epuckhebb.runtime import ConfigError, JobFailedError
+from epuckhebb.runtime import JobFailedError
 from epuckhebb.store import RunFolder, digest
 from epuckhebb.studies.jobs import Job
 from epuckhebb.studies.study import Study, job_name
@@ -94,11 +94,7 @@ def job_of(overrides: list[str], config: Plain, *, champion: str = "", purpose: 
 def evaluation_named(name: str, config_dir: str | None) -> EvaluateConfig:
     """An evaluation of genes in a world: the name of a scenario, and of changes, with + between them."""
     scenario, *changes = name.split("+")
-    try:
-        config = evaluation_in(scenario, (f"change={changes}", "hebbian=none"), config_dir)
-    except ConfigError as error:
-        raise ConfigError(f"world {name}: {error}") from error
-    return config
+    return evaluation_in(scenario, (f"change={changes}", "hebbian=none"), config_dir)
 
 
 @functools.cache

@@ -119,10 +119,7 @@ class FlockStudy(Study):
         smoke_test = replace(self.conditions[0].flocks[0], at_s=6.4, duration_s=19.2)  # its coupling changes once
         first, again = (_run_all([(row, smoke_test, self.seed) for row in self.rows], 1) for _ in range(2))
         if any(one.weights.tobytes() != other.weights.tobytes() for one, other in zip(first, again, strict=True)):
-            raise ConfigError(
-                f"flock.coupling={self.flock.coupling} gives other results when the same flock is run again, so no run "
-                "could be repeated: it draws random numbers of its own, or remembers earlier flocks"
-            )
+            raise ConfigError(f"flock.coupling={self.flock.coupling} gives other results with the same seed")
         jobs = []
         for condition in self.conditions:
             job = copy.deepcopy(self.values)

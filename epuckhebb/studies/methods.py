@@ -72,10 +72,8 @@ def methods_named(names: Sequence[str], config_dir: str | None = None) -> list[M
         elif name in known:
             method = _method(name, conf.table("method")[name], conf.rows("method")[name], f"method {name}")
         else:
-            raise ConfigError(
-                f"methods={name}: a method is one of {', '.join(known)}, or FILE.py:NAME, a rule of your own"
-                f"{did_you_mean(name, known)}"
-            )
+            hint = did_you_mean(name, known)
+            raise ConfigError(f"methods={name}: it must be one of {', '.join(known)}, or FILE.py:NAME{hint}")
         if method.compared_with:
             choose(method.compared_with, (*waiting, name))
         if chosen.setdefault(method.name, method) != method:

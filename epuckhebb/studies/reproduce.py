@@ -90,8 +90,7 @@ class Reproduction(ChampionStudy):
         genome = load_genome(self.genome, "obstacles")
         if (genome.network, genome.robot) != (PAPER_NETWORK, EPUCK.name):
             raise ConfigError(
-                f"genome={self.genome} is for robot {genome.robot} and a network of layers {genome.network}; the "
-                f"paper's are {EPUCK.name} and {PAPER_NETWORK}"
+                f"genome={self.genome} is for {genome.robot}, {genome.network}, not {EPUCK.name}, {PAPER_NETWORK}"
             )
         return genome
 

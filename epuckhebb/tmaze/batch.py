@@ -86,10 +86,7 @@ def load_kernel(
             raise
         raise ValueError(f"{named} failed: {type(error).__name__}: {error}") from error
     if again and _content(first) != _content(again[0]):
-        raise ValueError(
-            f"{named} gives other results when the same lifetime is run again, so no run could be repeated: it draws "
-            "random numbers of its own, or remembers earlier lifetimes"
-        )
+        raise ValueError(f"{named} gives other results when the same lifetime is run again: no run could be repeated")
 
 
 def _content(result: tuple[Outcome, Samples]) -> list[bytes]:

@@ -67,10 +67,7 @@ def check_changes(key: str, changes: Sequence[Mapping[str, Any]]) -> None:
     for number, change in enumerate(changes):
         where = f"scenario.{key}[{number}]"
         if not set(change) <= {"at_s", *CHANGEABLE} or len(change) < 2 or "at_s" not in change:
-            raise ValueError(
-                f"{where} must have at_s and one or more of {', '.join(CHANGEABLE)}, "
-                f"got {', '.join(map(str, change)) or 'nothing'}"
-            )
+            raise ValueError(f"{where} must have at_s and some of {', '.join(CHANGEABLE)}, got {[*change]}")
         at_s = change["at_s"]
         check_value(f"{where}.at_s", at_s, Range(last, above=True))
         last = at_s

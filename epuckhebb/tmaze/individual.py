@@ -121,25 +121,13 @@ class Controller:
         rule, robot, task = self.rule, world.robot, world.task
         signal_number(rule)
         if rule.signal == Signal.light_code and (robot.light.count, robot.distance.count) != (8, 8):
-            raise ValueError(
-                f"hebbian.signal=light_code reads eight light and eight distance sensors; robot {robot.name} has "
-                f"{robot.light.count} and {robot.distance.count}"
-            )
+            raise ValueError(f"hebbian.signal=light_code needs eight sensors of each kind, unlike {robot.name}")
         if rule.signal == Signal.fitness and world.fitness.step is None:
-            raise ValueError(
-                f"hebbian.signal=fitness needs a fitness with a method `step`, and fitness {world.fitness.name} has "
-                "none; give fitness.function=FILE.py:NAME, or another signal"
-            )
+            raise ValueError(f"hebbian.signal=fitness needs a fitness with a method `step`, got {world.fitness.name}")
         if task.has_trials and self.adaptation.acts:
-            raise ValueError(
-                f"adaptation={self.adaptation.name} compares a life with those in the training world, where there is "
-                f"one goal for all of it, and task={task.name} has none; give adaptation=none"
-            )
+            raise ValueError(f"adaptation={self.adaptation.name} needs one goal a lifetime, got task={task.name}")
         if rule.reward is not Reward.given and not (task.gives_reward and receives_reward(type(rule))):
-            raise ValueError(
-                f"hebbian.reward={rule.reward.name} does nothing with rule {rule.name} and task={task.name}: one of "
-                "them knows no reward"
-            )
+            raise ValueError(f"hebbian.reward={rule.reward.name} does nothing with {rule.name} and task={task.name}")
         rule.check_wiring(wiring)
         self.adaptation.check(rule, duration_s, wiring)
 

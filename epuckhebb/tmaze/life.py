@@ -85,10 +85,7 @@ class Lifetime:
     def __post_init__(self) -> None:
         check(self, "lifetime")
         if self.record_every and self.steps / self.record_every > _MOST_SAMPLES:  # a slip of the unit fills the memory
-            raise ValueError(
-                f"lifetime.record_every={self.record_every} would record more than {_MOST_SAMPLES:,} samples of "
-                f"lifetime.duration_s={self.duration_s:g}; give a shorter lifetime, or 0 to record nothing"
-            )
+            raise ValueError(f"lifetime.record_every={self.record_every} gives more than {_MOST_SAMPLES:,} samples")
 
     @property
     def steps(self) -> int:

@@ -103,10 +103,7 @@ class Maze:
             check_value(f"maze.{name}", place[:2], arena)
         check_value("maze.obstacle_counts", self.obstacle_counts, Range(0, len(self.obstacles)))
         if max(self.obstacle_counts, default=0) < len(self.obstacles):
-            raise ValueError(
-                f"maze.obstacle_counts must go up to {len(self.obstacles)}, or some of maze.obstacles never stand; the "
-                f"first of {', '.join(self.obstacles)} do; got {list(self.obstacle_counts)}"
-            )
+            raise ValueError(f"maze.obstacle_counts must reach {len(self.obstacles)}, got {list(self.obstacle_counts)}")
         for number, niche in enumerate(self.niches):
             if niche.along not in ("x", "y") or not niche.walls[0] < niche.walls[1]:
                 raise ValueError(f"maze.niches[{number}] must run along x or y between two walls, the lower one first")

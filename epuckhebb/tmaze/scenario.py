@@ -92,9 +92,7 @@ class Scenario:
         check_ranges(self, "scenario")
         if self.obstacles not in self.maze.obstacle_counts:
             allowed = ", ".join(map(str, self.maze.obstacle_counts))
-            raise ValueError(
-                f"scenario.obstacles must be one of {allowed} in maze {self.maze.name}, got {self.obstacles}"
-            )
+            raise ValueError(f"scenario.obstacles must be one of {allowed} in {self.maze.name}, got {self.obstacles}")
         if self.layout and not self.maze.niches:
             raise ValueError(f"scenario.layout = {self.layout} needs niches, and maze {self.maze.name} has none")
         for key in ("second_lamp", "lamp_on", "reset"):
@@ -102,10 +100,7 @@ class Scenario:
         last, dead = self.robot.sensor_numbers - 1, self.dead_sensors
         whole = isinstance(dead, list | tuple) and all(type(number) is int and 0 <= number <= last for number in dead)
         if not whole or len(set(dead)) < len(dead):
-            raise ValueError(
-                f"scenario.dead_sensors must be a list of whole numbers, 0 to {last} for robot {self.robot.name}, each "
-                f"once, for example [0] or [], got {dead}"
-            )
+            raise ValueError(f"scenario.dead_sensors must be different whole numbers, 0 to {last}, got {dead}")
         for side, place in self.goals_now.items():
             check_value(f"scenario.goals.{side}", place, Range(-self.maze.arena_m, self.maze.arena_m))
         standing = boxes(self.maze, self.obstacles, self.layout)
@@ -185,13 +180,8 @@ class Scenario:
         robot = self.robot
         self.task.check(self.lamp.intensity, lifetime.duration_s)
         if lifetime.gain_rad_s > robot.motor_limit_rad_s:
-            raise ValueError(
-                f"lifetime.gain_rad_s must be more than 0 and at most robot.motor_limit_rad_s, "
-                f"{robot.motor_limit_rad_s:g} of robot {robot.name}, got {lifetime.gain_rad_s}"
-            )
+            allowed = f"more than 0 and at most robot.motor_limit_rad_s, {robot.motor_limit_rad_s:g}"
+            raise ValueError(f"lifetime.gain_rad_s must be {allowed}, got {lifetime.gain_rad_s}")
         for where, change in self.events:
             if change["at_s"] >= lifetime.duration_s:
-                raise ValueError(
-                    f"{where}.at_s must be less than lifetime.duration_s, {lifetime.duration_s:g} s, got "
-                    f"{change['at_s']}"
-                )
+                raise ValueError(f"{where}.at_s must be less than lifetime.duration_s, got {change['at_s']}")

@@ -209,9 +209,7 @@ class DistanceSensors(RimSensors):
         distances = [point.distance for point in self.curve]
         steps = [b - a for a, b in pairwise(distances)]
         if len(distances) < 2 or distances[0] != 0 or not all(step > 0 for step in steps):
-            raise ValueError(
-                f"robot.distance_curve must be two or more rows of growing distance, the first at 0, got {distances}"
-            )
+            raise ValueError(f"robot.distance_curve must be rows of growing distance, the first at 0, got {distances}")
         ends = max(distances[-1] / self.stretch, DistanceSensors.reach_m)  # [m]: beyond, no reach does anything
         check_value("robot.reach_m", self.reach_m, Range(0, ends, above=True))
 

@@ -86,10 +86,7 @@ class Session:
         of_updates = kind.signs if who.signs is None else who.signs
         if of_updates is None or of_updates.shape != (network.synapses,):
             given = "none" if of_updates is None else of_updates.size
-            raise ValueError(
-                "a rule with sign=shuffled needs Individual.signs, the signs of its updates: one for each of the "
-                f"{network.synapses} weights of network {network}, got {given}"
-            )
+            raise ValueError(f"sign=shuffled needs Individual.signs, {network.synapses} signs of updates, got {given}")
         state = initial_state(
             who.genes,
             kind.plan,
@@ -163,9 +160,7 @@ class Session:
         for kind in ("robot", "task", "fitness", "physics"):
             new, old = getattr(world, kind), getattr(self.world, kind)
             if new != old:
-                raise ValueError(
-                    f"a world may change during a lifetime, its {kind} may not: got {new.name} for {old.name}"
-                )
+                raise ValueError(f"the {kind} may not change during a lifetime: got {new.name} for {old.name}")
         self._phases = self._simulator.phases_of(world, self.steps, self._phase)
         self._enter(self._phases.pop(0))
 
@@ -253,9 +248,7 @@ class Session:
             if isinstance(group, Sensor):
                 for reading, value in zip(group.readings, scratch, strict=True):
                     if not 0.0 <= value <= 1.0:
-                        raise PartError(
-                            f"sensor {group.name}: {reading} must lie in [0, 1] before the noise, `read` gave {value}"
-                        )
+                        raise PartError(f"sensor {group.name}: {reading} must lie in [0, 1], `read` gave {value}")
         wiring, score = who.network.wiring, life.score["sum"][0] if self.world.fitness.step else 0.0
         where = f"on a {who.side} trial of scenario {self.world.name}"
         when = f"at step {tally.step - tally.lost} of {self.lifetime.steps}"
@@ -268,10 +261,7 @@ class Session:
         where = f"{where}, controller {who.controller.name},"
         stored = life.weights, life.synapse_state.view(np.float64), tally.weight_change_sum
         if not all(np.isfinite(values).all() for values in stored):
-            raise LostRobotError(
-                f"{where} the rule {type(who.controller.rule).__name__} made weights, their change, or what synapses "
-                f"keep, infinite or nan; noticed {when}"
-            )
+            raise LostRobotError(f"{where} the rule {who.controller.rule.name} made weights infinite or nan {when}")
         if tally.lost or not math.isfinite(tally.behaviour_sum + tally.path_length + tally.goal_distance):
             raise LostRobotError(f"{where} the robot's pose stopped being finite or left the arena {when}")
 

@@ -173,15 +173,10 @@ def check_inputs(network: Network, world: Scenario) -> None:
     robot, task = world.robot, world.task
     reward = f" and the reward of task={task.name}" if task.gives_reward else ""
     if network.inputs != world.inputs:
-        raise ValueError(
-            f"network.layers must begin with {world.inputs}, the readings of robot {robot.name}{reward}, got "
-            f"{list(network.layers)}"
-        )
+        readings = f"{world.inputs}, the readings of robot {robot.name}{reward}"
+        raise ValueError(f"network.layers must begin with {readings}, got {list(network.layers)}")
     if network.outputs != OUTPUTS:
-        raise ValueError(
-            f"network.layers must end with {OUTPUTS}, the outputs for the left and the right wheel, got "
-            f"{list(network.layers)}"
-        )
+        raise ValueError(f"network.layers must end with {OUTPUTS}, for the wheels, got {list(network.layers)}")
 
 
 def world_setup(world: Scenario, side: Side, start: Pose) -> dict[str, Any]:

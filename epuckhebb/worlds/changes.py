@@ -115,10 +115,8 @@ def _attribute(env: Any, name: str, value: Any) -> None:
     """Set a number that the environment has, and what a cart-pole makes of it."""
     numbers = [own for own in dir(env) if not own.startswith("_") and type(getattr(env, own, None)) in (int, float)]
     if name not in numbers:
-        raise ValueError(
-            f"{type(env).__name__} has no number {name}; a change is one of {', '.join(CHANGES)}, {FUNCTION}, or of "
-            f"its own {', '.join(numbers)}"
-        )
+        known = ", ".join([*CHANGES, FUNCTION, *numbers])
+        raise ValueError(f"{type(env).__name__} has no number {name}; a change is one of {known}")
     setattr(env, name, _number(value, name))
     if hasattr(env, "polemass_length"):
         env.total_mass, env.polemass_length = env.masspole + env.masscart, env.masspole * env.length

@@ -59,10 +59,7 @@ class Environment:
             if not isinstance(change, Mapping) or not isinstance(change.get(AT), int) or len(change) < 2:
                 raise ValueError(f"environment.changes must be a list of {{at: STEP, NAME: VALUE}}, got {change!r}")
             if not 0 <= change[AT] < self.horizon:
-                raise ValueError(
-                    f"environment.changes: at must be a step from 0 to before environment.horizon={self.horizon}, got "
-                    f"{change[AT]}"
-                )
+                raise ValueError(f"environment.changes: at must be below horizon={self.horizon}, got {change[AT]}")
 
 
 class Lived(NamedTuple):

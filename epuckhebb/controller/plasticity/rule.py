@@ -14,7 +14,7 @@ from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import OwnClass, name_of
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.ranges import within
-from epuckhebb.controller.wiring import LAYERS, Wiring
+from epuckhebb.controller.wiring import Wiring
 
 QUANTITIES = (
     "correlation",
@@ -137,10 +137,7 @@ class Rule(OwnClass):
     def check_wiring(self, wiring: Wiring | None) -> None:
         """Refuse to normalise weights of a wiring without layers; a ValueError."""
         if wiring is not None and self.normalise is not Normalise.none:
-            raise ValueError(
-                f"hebbian.normalise={self.normalise.name} works layer by layer, and network.wiring={wiring.name} has "
-                f"no layers; give hebbian.normalise=none, or network.wiring={LAYERS}"
-            )
+            raise ValueError(f"hebbian.normalise={self.normalise.name} needs layers, got network.wiring={wiring.name}")
 
     @classmethod
     def express(cls, parameters: Mapping[str, Floats]) -> Mapping[str, Floats]:
@@ -221,13 +218,9 @@ def evolved_sizes(rule: type[Rule], network: Network) -> dict[str, int]:
     parameters = evolved_by(rule, network)
     for name, evolved in parameters.items():
         if evolved.per not in per and not (isinstance(evolved.per, int) and evolved.per > 0):
-            raise ValueError(
-                f"rule {rule.__name__}: {name} is evolved per {evolved.per}, not one of {', '.join(per)}, or a number"
-            )
+            raise ValueError(f"rule {rule.__name__}: {name} is evolved per {evolved.per}, not {', '.join(per)}")
         if name in TAKEN:
-            raise ValueError(
-                f"rule {rule.__name__}: an evolved parameter cannot be called {name}, which means something else"
-            )
+            raise ValueError(f"rule {rule.__name__}: no parameter can be called {name}, which means something else")
     return {
         name: evolved.per if isinstance(evolved.per, int) else per[evolved.per] for name, evolved in parameters.items()
     }
@@ -241,10 +234,7 @@ def check_layers(rule: type[Rule], network: Network) -> None:
     why = f"has {needs[0]} for each layer" if needs else ""
     why = "has a modulatory neuron, which receives the layer before the wheels" if modulator_of(rule) else why
     if why:
-        raise ValueError(
-            f"rule {name_of(rule)} {why}, and network.wiring={network.wiring.name} has no layers; give another rule, "
-            f"or network.wiring={LAYERS}"
-        )
+        raise ValueError(f"rule {name_of(rule)} {why}; network.wiring={network.wiring.name} has no layers")
 
 
 def coefficients(rule: type[Rule], network: Network, genes: Mapping[str, Floats]) -> Floats:

@@ -101,9 +101,6 @@ def _rules(plan: GenomePlan) -> NDArray[np.int64]:
     parts = plan.of_rule.parts
     sizes = {part.size for part in parts}
     if len(sizes) != 1 or sizes == {1}:
-        raise ValueError(
-            f"optimizer.merges needs a rule with all parameters evolved per synapse, such as hebbian=abcd; the genome "
-            f"has {plan.text()}"
-        )
+        raise ValueError(f"optimizer.merges needs parameters per synapse, as hebbian=abcd has, got {plan.text()}")
     places = plan.split(np.arange(float(plan.genes)))
     return np.array([places[part.name] for part in parts], np.int64)

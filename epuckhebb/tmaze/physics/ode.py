@@ -225,9 +225,7 @@ class Ode(Physics):
         """Validate the settings."""
         super().__post_init__()
         if len(self.put_down) != 4 or not any(self.put_down[:3]):
-            raise ValueError(
-                f"physics.put_down must be [x, y, z, angle], not all of x, y, z 0, got {list(self.put_down)}"
-            )
+            raise ValueError(f"physics.put_down must be [x, y, z, angle], x, y, z not all 0, got {list(self.put_down)}")
 
     def space(self, walls: Floats, world: Any) -> OdeSpace:
         """See `Physics`."""
@@ -237,21 +235,13 @@ class Ode(Physics):
         """See `Physics`."""
         robot, maze = world.robot, world.maze
         if robot.solid is None:
-            raise ValueError(
-                f"physics=ode needs the keys robot.solid, and robot {robot.name} has none; give physics=pymunk"
-            )
+            raise ValueError(f"physics=ode needs the keys robot.solid, and robot {robot.name} has none")
         if maze.wall_height_m is None:
             raise ValueError(f"physics=ode needs maze.wall_height_m [m], and maze {maze.name} has none")
         if world.task.has_trials:
-            raise ValueError(
-                f"physics=ode cannot put the robot back to the start during a lifetime, as task={world.task.name} "
-                "does; give physics=pymunk"
-            )
+            raise ValueError(f"physics=ode cannot put the robot back during a lifetime, as task={world.task.name} does")
         if world.wall_friction:
-            raise ValueError(
-                f"scenario.wall_friction is for physics=pymunk, got {world.wall_friction}; of physics=ode give "
-                "physics.friction, which holds for walls, floor and wheels"
-            )
+            raise ValueError(f"scenario.wall_friction must be 0, got {world.wall_friction}; give physics.friction")
 
     def mover(self, robot: Robot) -> Move:
         """See `Physics`."""

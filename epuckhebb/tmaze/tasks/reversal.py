@@ -86,16 +86,10 @@ class Reversal(Task):
     def check(self, lamp_intensity: float, duration_s: float) -> None:
         """See `Task`: a lamp would show the first side, and there must be time for every trial."""
         if lamp_intensity != 0:
-            raise ValueError(
-                "scenario.lamp.intensity must be 0 with task=reversal (the lamp would show that the right end is "
-                f"rewarded first), got {lamp_intensity:g}"
-            )
+            raise ValueError(f"scenario.lamp.intensity must be 0 with task=reversal, got {lamp_intensity:g}")
         longest_s = self.trials * (_steps(self.time_out_s) + _steps(self.reward_s)) * STEP_S
         if duration_s < longest_s - 1e-9:
-            raise ValueError(
-                f"lifetime.duration_s must be at least {longest_s:g} s with task=reversal, the longest that its "
-                f"{self.trials} trials can last, got {duration_s:g}"
-            )
+            raise ValueError(f"lifetime.duration_s must be {longest_s:g} s or more, got {duration_s:g}")
 
     def hooks(self, first: int) -> Hooks:
         """See `Task`."""
