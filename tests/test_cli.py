@@ -201,12 +201,6 @@ def test_what_is_told_to_ignore_a_signal_ignores_it():
     assert "Hangup" not in ended_by(script, signal.SIGTERM)[0]
 
 
-def test_keys_with_a_word():
-    lines = done("keys", "--search", "MOTOR_noise").stdout.splitlines()
-    assert "# conf/adaptations.yaml" in lines
-    assert all("motor_noise" in line or line.startswith("# conf/") for line in lines)
-
-
 def test_a_job_of_many_that_fails_is_one_message(here):
     text = "from epuckhebb import Fitness\nclass Mine(Fitness):\n    life = staticmethod(lambda success: 1 / 0)\n"
     (here / "mine.py").write_text(text)

@@ -35,8 +35,6 @@ FILES = {
     "conf/scenario/too_deep.yaml": "scenario:\n  light: 0.1\n",
     "conf/scenario/number.yaml": "42\n",
     "conf/scenario/dotted.yaml": "lamp.x_m: 0.2\n",
-    "conf/scenario/short_end.yml": "light: 0.1\n",
-    "conf/scenario/large_end.YAML": "light: 0.1\n",
     "conf/experiment/no_package.yaml": "hydra:\n  sweeper:\n    params:\n      hebbian.N: 1e-5,1e-4\n",
     "conf/experiment/alone.yaml": "# @package _global_\nseed: 3\n",
     "empty/notes.txt": "dear",
@@ -77,8 +75,6 @@ reproduce sound                                         | sound | light, obstacl
 sweep nope                                              | nope | n_sweep
 sweep light scenario=nope                               | scenario/nope | 4obstacles
 keys hebian                                             | hebbian
-keys scenario --search lamp                             | --search
-keys --search nosuchword                                | nosuchword
 # keys of another verb, and what does nothing
 evaluate training.light=1                               | training.light
 evolve adaptation=late                                  | adaptation

@@ -17,7 +17,6 @@ from epuckhebb.analysis.figures import plain as in_figures
 from epuckhebb.analysis.tables import Table, code, plain
 from epuckhebb.cli.console import report_errors
 from epuckhebb.config import overrides
-from epuckhebb.config.overrides import literal
 from epuckhebb.runtime.errors import USAGE
 from epuckhebb.runtime.resources import data_folder
 
@@ -84,11 +83,6 @@ def test_a_report_has_names_to_the_letter_and_a_policy(name):
 
 def test_a_figure_has_what_its_font_has():
     assert in_figures("$a$ 漢\né") == "\\$a\\$ ?\né"
-
-
-def test_a_literal_text_refers_to_nothing():
-    assert literal("a${x}") == r"a\${x}"
-    assert literal(r"\${x}") == r"\\\${x}"
 
 
 @pytest.mark.usefixtures("here")

@@ -1,6 +1,8 @@
 """Reads the overrides of a command line as Hydra does, and writes values, and the keywords of Python, as overrides."""
 
 import functools
+import itertools
+import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
@@ -28,13 +30,17 @@ _NUMBERED = ("genome", "start", "seed")  # keys of which the values between two 
 _BELOW = tuple(f"{key}." for key in OPEN)  # the schema does not know what keys there are
 OF_ENVIRONMENT = "_environment"  # ends the names of the configurations that are not of the maze
 _ENVIRONMENT, _MAZE = "environment=", "environment=tmaze"
+_MOST_JOBS = 100_000  # of one call
 ANY = "gym"  # the row of environments without one of their own
 
 
 def parsed(words: Iterable[str]) -> list[Override]:
     """Overrides as Hydra reads them."""
+    words = list(words)
+    if any("\ud800" <= sign <= "\udfff" for sign in "".join(words)):
+        raise ConfigError(f"{words!r}: this is no text in the encoding of this system")
     try:
-        return list(OverridesParser.create().parse_overrides(list(words)))
+        return list(OverridesParser.create().parse_overrides(words))
     except HydraException as error:
         given = str(getattr(error, "override", error))
         raise ConfigError(f"{given} cannot be read; give KEY=VALUE, of a text in a list 'KEY=[\"TEXT\"]'") from error
@@ -138,9 +144,13 @@ def alternatives(overrides: list[str]) -> dict[str, list[str]]:
     def choices(override: Override) -> list[str]:
         if not override.is_discrete_sweep():
             return [override.input_line or ""]
-        return [f"{override.get_key_element()}={value}" for value in override.sweep_string_iterator()]
+        values = itertools.islice(override.sweep_string_iterator(), _MOST_JOBS + 1)  # a range may be endless
+        return [f"{override.get_key_element()}={value}" for value in values]
 
-    return {override.get_key_element(): choices(override) for override in parsed(overrides)}
+    found = {override.get_key_element(): choices(override) for override in parsed(overrides)}
+    if math.prod(map(len, found.values())) > _MOST_JOBS:
+        raise ConfigError(f"{max(found, key=lambda key: len(found[key]))}: at most {_MOST_JOBS} jobs fit one call")
+    return found
 
 
 def for_hydra(command: str, words: Iterable[str]) -> tuple[str, list[str]]:
