@@ -99,7 +99,7 @@ def test_both_bundled_champions_load():
         (lambda: epuckhebb.evaluate("reference", scenario="bas"), "4obstacles"),
         (lambda: epuckhebb.evaluate("reference", seed=pd.Series([1])), "seed must be text, a number"),
         (lambda: epuckhebb.evaluate("reference", hebbian=epuckhebb.Hebbian), "hebbian must be a name or settings"),
-        (lambda: epuckhebb.evaluate("reference", hebbian=epuckhebb.Hebbian(floor=0.3)), "has N = 0 and would"),
+        (lambda: epuckhebb.evaluate("reference", hebbian=epuckhebb.Hebbian(floor=0.3)), "has N = 0; give N"),
         (lambda: epuckhebb.evaluate("reference", lifetime={"duration": 3}), "duration_s"),
         (lambda: epuckhebb.evaluate("reference", config_dir="nowhere"), "nowhere is no folder"),
         (lambda: epuckhebb.evaluate("reference", adaptation=epuckhebb.Adaptation(homeostasis=True)), "needs a name"),

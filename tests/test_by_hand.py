@@ -160,7 +160,7 @@ REFUSED = [
     ({"lamp_on": 7}, "lamp_on must"),
     ({"reset": "x"}, "reset must"),
     ({"at_s": 0.0, "reset": True}, "at_s must be more than 0"),
-    ({"moved": 1}, "must have at_s and one or more of"),
+    ({"moved": 1}, "must have at_s and some of"),
 ]
 
 

@@ -159,7 +159,7 @@ def test_changes_agree_with_the_oracle(genomes, beside_the_oracle):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ([{"at_s": 1.0, "maze": "other"}], r"changes\[0\] must have at_s and one or more of light, .* got at_s, maze"),
+        ([{"at_s": 1.0, "maze": "other"}], r"changes\[0\] must have at_s and some of light, .* got .*maze"),
         ([{"at_s": 1.0}], r"changes\[0\] must have at_s"),
         ([{"at_s": 0.0, "light": 1.0}], r"changes\[0\].at_s must be more than 0, got 0.0"),
         ([{"at_s": 2, "light": 1.0}, {"at_s": 2, "light": 0.5}], r"changes\[1\].at_s must be more than 2"),
@@ -169,7 +169,7 @@ def test_changes_agree_with_the_oracle(genomes, beside_the_oracle):
         ([{"at_s": 1, "goals": {"up": (0, 0)}}], r"changes\[0\]: goals must be {left"),
         (
             [{"at_s": 1, "dead_sensors": [1, 1]}],
-            r"changes\[0\]: scenario.dead_sensors must .* each once, .* got \(1, 1\)",
+            r"changes\[0\]: scenario.dead_sensors must be different whole numbers.* got \(1, 1\)",
         ),
     ],
 )

@@ -17,6 +17,7 @@ from typer.main import get_command
 from epuckhebb.analysis.evaluate import COLUMNS
 from epuckhebb.cli.commands import app
 from epuckhebb.runs import evolve
+from epuckhebb.runtime import JOB_FAILED
 
 FAST = ["lifetime.duration_s=8", "lifetime.record_every=0", "repeats=2"]
 TINY = ["ga.population=6", "ga.generations=3", "ga.elites=2", "ga.loops=1", "lifetime.duration_s=3"]
@@ -209,13 +210,15 @@ def test_a_job_of_many_that_fails_is_one_message(here):
 
 
 @pytest.mark.usefixtures("here")
-def test_a_launcher_that_submits_nothing_says_so(monkeypatch):
+def test_a_launcher_that_stops_says_so(monkeypatch):
     def stop(*_, **__):
         raise RuntimeError("no srun")
 
     monkeypatch.setattr("joblib.Parallel.__call__", stop)
     for words in (["evaluate", "-m", "seed=1,2", "hydra/launcher=joblib"], ["sweep", "light"]):
-        assert "nothing was submitted: RuntimeError: no srun" in refused(*words, "lifetime.duration_s=2", "repeats=1")
+        told = call(*words, "lifetime.duration_s=2", "repeats=1")
+        assert told.exit_code == JOB_FAILED
+        assert "the launcher stopped: RuntimeError: no srun" in told.stderr
 
 
 @pytest.mark.parametrize("name", ["grün", "a=b", "a(b)", "a&b#c", "[a]", "it's!", "a;b{c}"])

@@ -144,7 +144,7 @@ def test_a_champion_is_played_without_plasticity_with_genes_in_their_order():
     [
         (["reference"], "type `epuckhebb export reference --webots`"),
         (["nowhere", "--webots"], "nowhere does not exist"),
-        (["late", "--webots"], "controller late cannot be taken to Webots"),
+        (["late", "--webots"], "controller late: Webots has"),
         (["reference", "--webots", "-o", "late"], "late holds files already"),
     ],
 )

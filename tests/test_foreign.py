@@ -63,7 +63,7 @@ def test_a_folder_that_was_only_just_begun_is_taken(tmp_path):
         pass
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "letter.txt").write_text("dear")
-    with pytest.raises(ConfigError, match="which stay"):
+    with pytest.raises(ConfigError, match="holds other files"):
         RunFolder.resume(tmp_path / "other", "sweep", None, [], {})
 
 

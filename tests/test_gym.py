@@ -139,7 +139,7 @@ def test_a_policy_as_a_genome_and_back():
     for layer in layers:
         values = np.tanh(values @ layer)
     np.testing.assert_allclose(epuckhebb.Controller(genes).act(observation), values, rtol=1e-13)
-    with pytest.raises(ValueError, match=r"weights of shape \(7, 16\), .*, and a bias of shape \(7,\), got"):
+    with pytest.raises(ValueError, match=r"needs \(7, 16\), .* got"):
         genome_from_policy(weights[1:], layers[0][-1])
     with pytest.raises(ValueError, match=r"weights must lie in \[-2, 2\], got 4"):
         genome_from_policy([2 * np.sign(weight) * 2 for weight in weights], layers[0][-1])

@@ -234,7 +234,7 @@ def refused(message, genes=234, scenario=None, error=ValueError, **more):
 def test_sizes_that_do_not_fit_are_refused_with_their_numbers(lidar):
     refused(r"234 genes, got 238", 238)
     refused(r"234 genes, got 0", 0)
-    refused(r"234 weights .* got 233", signs=np.ones(233))
+    refused(r"234 signs .* got 233", signs=np.ones(233))
     refused(r"network\.layers must begin with 16", 26, network=Network((12, 2)))
     refused(r"network\.layers must begin with 32", scenario=Scenario(robot=lidar))
     refused(r"network\.layers must end with 2", 85, network=Network((16, 5)))
@@ -250,7 +250,7 @@ def test_a_gain_that_the_motors_do_not_reach_is_refused():
     slow = Robot(name="slow", motor_limit_rad_s=0.5)
     with pytest.raises(ValueError, match=r"lifetime.gain_rad_s must .* robot.motor_limit_rad_s, 0.5"):
         Scenario(robot=slow).check_lifetime(Lifetime())
-    with pytest.raises(ValueError, match=r"lifetime.gain_rad_s must .* 6.28 of robot epuck"):
+    with pytest.raises(ValueError, match=r"lifetime.gain_rad_s must .* 6.28, got"):
         Scenario().check_lifetime(Lifetime(gain_rad_s=6.3))
 
 
@@ -269,8 +269,8 @@ def test_invalid_lifetimes_are_refused_by_name(key, value):
         ("obstacles", 3, "0, 2, 4"),
         ("dead_sensors", (8,), "0 to 7"),
         ("dead_sensors", (True,), "0 to 7"),
-        ("dead_sensors", 1, "list"),
-        ("dead_sensors", (0, 3, 0), "once"),
+        ("dead_sensors", 1, "whole numbers"),
+        ("dead_sensors", (0, 3, 0), "different"),
         ("layout", -1, "0"),
         ("left_wheel", 1.1, "0, 1"),
         ("right_slip", 1.0, r"\[0, 1\)"),

@@ -68,7 +68,7 @@ def test_noise_is_that_of_the_sensor_and_stays_within_0_and_1(genomes):
 def test_a_dead_sensor_is_one_of_the_rim():
     robot = Robot(sensors=(*EPUCK.sensors, sensor("Compass")))
     assert robot.sensor_numbers == 8
-    with pytest.raises(ValueError, match="dead_sensors must be a list of whole numbers, 0 to 7"):
+    with pytest.raises(ValueError, match="dead_sensors must be different whole numbers, 0 to 7"):
         Scenario(robot=robot, dead_sensors=(8,))
 
 

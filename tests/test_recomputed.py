@@ -239,10 +239,11 @@ def test_evolve_or_adapt():
     assert np.sort(read("evolve_or_adapt/tests").p_holm) == pytest.approx(steps)
 
 
-def test_legs():
+@pytest.mark.parametrize("budget", ["legs", "legs_300"])
+def test_legs(budget):
     """The twelve effects on HalfCheetah, and their p values, from the table by champion."""
-    after = read("legs/champions").dropna().set_index(["change", "controller", "genome"]).sort_index().return_after
-    rows = read("legs/effects")
+    after = read(f"{budget}/champions").dropna().set_index(["change", "controller", "genome"]).sort_index().return_after
+    rows = read(f"{budget}/effects")
     for row in rows.itertuples():
         ours, others = after[row.change, row.controller], after[row.change, row.against]
         others = others[ours.index] if row.is_paired else others

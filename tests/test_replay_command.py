@@ -72,7 +72,7 @@ def test_a_run_of_evolve_points_to_evaluate(tmp_path):
     run = RunFolder.new(tmp_path / "run", "evolve", "seed: 1\n", [], {})
     with run:
         pass
-    assert f"epuckhebb evaluate genome={run.path}" in refused("replay", run.path)
+    assert f"evaluate genome={run.path}" in refused("replay", run.path)
 
 
 def test_a_place_that_cannot_be_written(short_run, tmp_path):

@@ -98,7 +98,7 @@ def test_what_cannot_be_resumed(three):
     shutil.copytree(three, "begun")
     Path("begun", "provenance.json").unlink()  # killed before there were settings
     for words, expected in [
-        ([f"resume={three}", "seed=3"], ["seed=3", "changed: ga.generations, threads"]),
+        ([f"resume={three}", "seed=3"], ["seed=3", "only ga.generations, threads"]),
         ([f"resume={three}", "scenario=highlight", "ga.generations=4"], ["scenario=highlight"]),
         ([f"resume={three}", "ga.generations=2"], ["ga.generations must be 3 or more", "2"]),
         ([f"resume={three}", "ga.generations=many"], ["ga.generations", "many"]),

@@ -240,7 +240,7 @@ def test_from_evolve_to_show(champions):
     genome = load_genome(champion, "obstacles")
     assert (genome.network, genome.task, genome.nominal) == (REWARDED, "reversal", None)
     shown = " ".join(done("show", champion).stdout.split())
-    assert "with rule modulated, for task reversal" in shown
+    assert "rule modulated, task reversal" in shown
     assert "reached its goal" not in shown
     brief = ["repeats=2", "task.time_out_s=2", "threads=1", "hydra.run.dir=run"]
     shown = done("evaluate", f"genome={champion}", "task=reversal", "hebbian=modulated", *brief).stdout

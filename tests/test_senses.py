@@ -172,9 +172,9 @@ AHEAD = Place(0.0, 0.0, 0.0)
         (lambda: LightSensors(places=()), r"robot\.light_places must hold one sensor or more"),
         (
             lambda: Robot(sensors=(LightSensors(), DistanceSensors(places=(Place(0.05, 0.0, 0.0),)))),
-            r"robot\.distance_places\[0\] must lie on the robot",
+            r"robot\.distance_places\[0\] is not within",
         ),
-        (lambda: curved((0.0, 1.0, 0.0)), r"robot\.distance_curve must be two or more rows"),
+        (lambda: curved((0.0, 1.0, 0.0)), r"robot\.distance_curve must be rows of growing distance"),
         (lambda: curved((0.1, 1.0, 0.0), (0.2, 0.0, 0.0)), "the first at 0"),
         (lambda: Robot(sensors=(LightSensors(),)), "must be light, distance and perhaps others, each once, got"),
         (lambda: Robot(sensors=(LightSensors(), DistanceSensors(), LightSensors())), "each once, got"),

@@ -67,18 +67,6 @@ def test_latest_is_the_one_of_the_last_call():
     assert json.loads(shown("latest", "--json"))["command"] == "sweep"
 
 
-def test_a_run_of_the_future_is_not_the_latest(here):
-    for name, year in (("before", 2001), ("wrong", 2999), ("after", 2002)):
-        folder = here / "runs" / "evaluate" / name
-        folder.mkdir(parents=True)
-        (folder / "status.json").write_text(json.dumps({"state": "finished", "started": f"{year}-01-01"}))
-        facts = {"command": name, "command_line": [], "overrides": [], "code": {"version": "1", "commit": ""}}
-        (folder / "provenance.json").write_text(json.dumps(facts))
-    assert json.loads(shown("latest", "--json"))["command"] == "after"
-    assert "in the future" in shown().splitlines()[0]
-    assert "in the future" in shown("runs/evaluate/wrong")
-
-
 @pytest.mark.usefixtures("_there")
 def test_a_multirun_is_a_table_over_all():
     (multirun,) = Path("runs/evaluate").glob("*_multirun")
@@ -105,16 +93,6 @@ def test_controllers_that_have_the_same_rate_have_rows_of_their_own(tmp_path, ca
     summary.assign(**success).to_csv(tmp_path / "summary.csv", index=False)
     show.print_study(Sweep, tmp_path, Terminal())
     assert re.findall("GA|stay|late", capsys.readouterr().out) == ["GA", "stay", "late"]
-
-
-@pytest.mark.usefixtures("_there")
-def test_champions_by_their_file_and_by_their_name():
-    (file,) = Path("runs/evolve").glob("*/champion.npz")
-    assert "234 weights" in shown(str(file))
-    told = shown("reference_7")
-    assert "reference_7, of the light experiment" in told
-    assert "reference_7, of the obstacles experiment" in told
-    assert [one["layers"] for one in json.loads(shown("reference", "--json"))["genomes"]] == [[16, 7, 5, 8, 4, 2]] * 2
 
 
 @pytest.mark.usefixtures("_there")

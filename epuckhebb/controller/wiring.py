@@ -136,7 +136,7 @@ class Wiring(OwnClass):
             if len(pair) != 2 or not all(isinstance(number, int | np.integer) for number in pair):
                 raise ValueError(f"wiring {self.name}: a synapse must be two whole numbers, (pre, post), got {pair}")
             if not (0 <= pair[0] < end and inputs < pair[1] < end):
-                raise ValueError(f"wiring {self.name}: synapse {pair} joins neurons; these are 0 to {end - 1}")
+                raise ValueError(f"wiring {self.name}: synapse {pair} must join neurons 0 to {end - 1}")
         if not pairs:
             raise ValueError(f"wiring {self.name}: `synapses` gives none")
         pre, post = np.array(pairs, np.int64).T

@@ -144,6 +144,7 @@ def _rule(controller: Controller) -> dict[str, Any]:
     as_in_paper = rule.sign is Sign.hebbian and rule.initial_weights is InitialWeights.evolved and not rule.N_gain_rad_s
     as_in_paper = as_in_paper and schedule_of(rule) == EVERY_STEP and not rule.carries_history
     if not isinstance(rule, Paper) or not as_in_paper or controller.adaptation.acts:
-        raise ConfigError(f"controller {controller.name}: for Webots: the paper's rule as it is, or none")
+        needs = "hebbian.normalise=none, hebbian.average=1, hebbian.every=1, hebbian.carries_history=false"
+        raise ConfigError(f"controller {controller.name}: Webots has hebbian=none, or the paper's rule with {needs}")
     settings = {key: value.name if isinstance(value, Enum) else value for key, value in asdict(rule).items()}
     return {**settings, "history_steps": initial_history(rule).steps}
