@@ -208,5 +208,5 @@ def test_a_run_of_sep_cma_es_is_resumed_repeated_and_shown():
 
 
 def test_the_genetic_algorithm_needs_its_settings():
-    with pytest.raises(ConfigError, match="ga.population and the like"):
+    with pytest.raises(ConfigError, match="with optimizer=ga"):
         optimizer_from({"algorithm": "ga"}, None)

@@ -63,9 +63,7 @@ def optimizer_from(settings: Mapping[str, Any], ga: Algorithm | None) -> Algorit
     """The optimizer that a part of the configuration describes. ga: the genetic algorithm; None for another one."""
     if (settings.get("algorithm") == GENETIC) != (ga is not None) or (ga is not None and len(settings) > 1):
         given = f"optimizer={settings.get('algorithm')}, with{'out' * (ga is None)} settings of ga"
-        raise ConfigError(
-            f"ga.population and the like go with optimizer=ga, others have optimizer.population; got {given}"
-        )
+        raise ConfigError(f"ga.population and the like go with optimizer=ga, else optimizer.population; got {given}")
     return part_from("optimizer", settings, "optimizer") if ga is None else ga
 
 
