@@ -80,7 +80,7 @@ class GA(Algorithm):
         check_value("ga.elites", self.elites, Range(0, self.population))
         newcomers = self.memory + round(self.immigrants * self.population)
         if self.elites + newcomers > self.population:
-            raise ValueError(f"ga.immigrants and ga.memory must leave ga.elites={self.elites}, got {newcomers}")
+            raise ValueError(f"ga.immigrants and ga.memory leave no room for {self.elites} elites: {newcomers}")
 
     def schedule(self, training: Training, lifetime: Lifetime) -> Schedule:  # noqa: ARG002  # others need them
         """As set, in any worlds."""
