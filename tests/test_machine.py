@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
-from cases import SHORT, first_of, refused
+from cases import SHORT, refused
 from joblib import cpu_count
 
 from epuckhebb.controller.network import PAPER_NETWORK
@@ -76,17 +76,12 @@ def test_a_closed_stream_leads_nowhere():
 
 
 @pytest.mark.usefixtures("here")
-@pytest.mark.parametrize("stream", first_of(["stdout", "stderr"]))
-def test_a_reader_that_stops_does_not_stop_the_work(stream):
+def test_a_reader_that_stops_does_not_stop_the_work():
     tiny = ["champions=1", "repeats=1", "rates=[0.002]", "ga.population=4", "ga.elites=1", "ga.generations=1"]
     study = ["obstacles", *tiny, "ga.loops=1", "hydra/launcher=basic", "hydra.sweep.dir=study"]
     words = [sys.executable, "-m", "epuckhebb", "reproduce", *study]
-    other = "stderr" if stream == "stdout" else "stdout"
-    with subprocess.Popen(words, **{stream: subprocess.PIPE, other: subprocess.DEVNULL}) as started:
-        pipe = getattr(started, stream)
-        if stream == "stderr":
-            assert b"evolve champions" in pipe.readline()  # what is said afterwards nobody reads
-        pipe.close()
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as started:
+        started.stdout.close()
         assert started.wait() == 0
     assert Run(Path("study")).status["state"] == "finished"
 

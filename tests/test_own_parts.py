@@ -529,7 +529,7 @@ def test_a_champion_of_other_parts_is_refused_or_the_difference_said():
     wiring, fitness, sensors = PARTS[:2], PARTS[2:4], PARTS[4:]
     assert "own sensors GoalDistance, FloorPatch" in refused("evaluate", "genome=evolved", *wiring, *SHORT)
     said = refused("evaluate", "genome=evolved", *sensors, *SHORT)
-    assert "is for network.wiring=Ring, the settings have network.wiring=mlp" in said
+    assert "is for network.wiring=Ring, got network.wiring=mlp" in said
     said = refused("evaluate", "genome=reference", *wiring, *SHORT)
     assert "is for a network 16-7-5-8-4-2" in said
     assert "network.wiring=Ring" in said
@@ -637,7 +637,7 @@ def test_what_a_rule_evolves_goes_with_the_champion():
     measured = ["controller", "weight_change_mean", "path_length_m", "fitness"]
     pd.testing.assert_frame_equal(rows[measured], written[measured])
     assert (rows.weight_change_mean[rows.controller == "layered"] > 0).all()
-    assert "takes grow, leak from the genome" in refused("evaluate", *rule, *BRIEF)
+    assert "has rule Layered, and genome=reference" in refused("evaluate", *rule, *BRIEF)
 
 
 @pytest.mark.usefixtures("here")

@@ -82,5 +82,5 @@ class Far(Sensor):
 
 @pytest.mark.thorough
 def test_a_reading_outside_0_to_1_ends_the_run(genomes):
-    with pytest.raises(PartError, match=r"sensor Far: reading must lie in \[0, 1\] .*, `read` gave 1\."):
+    with pytest.raises(PartError, match=r"sensor Far: reading must lie in \[0, 1\], `read` gave 1\."):
         recorded(genomes[0], Far(), seconds=60)

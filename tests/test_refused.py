@@ -54,7 +54,7 @@ evaluate +hebian.N=0.9                                  | hebbian
 evaluate +hebbian.trace_decya=1                         | trace_decay
 evaluate N=0.1                                          | key N
 evaluate rule=oja                                       | key rule
-evaluate +experiment=n_sweep                            | +experiment=n_sweep | without +
+evaluate +experiment=n_sweep                            | +experiment=n_sweep | override
 evolve ga.pop=3                                         | ga.pop | ga.population
 evaluate robot.moter_limit_rad_s=3                      | robot.moter_limit_rad_s | motor_limit_rad_s
 evaluate ~maze.lamp                                     | maze.lamp.x_m, which is missing
@@ -81,7 +81,7 @@ evolve adaptation=late                                  | adaptation
 evolve repeats=5                                        | repeats
 evaluate changed=mine                                   | changed
 evaluate hebbian=none hebbian.N=0.01                    | hebbian.N
-evaluate adaptation.threshold=2                         | adaptation.threshold | late
+evaluate adaptation.threshold=2                         | adaptation.threshold
 evaluate adaptation.motor_noise=2                       | adaptation.motor_noise
 evaluate adaptation=late_steady adaptation.rest_s=1     | adaptation.active_s above 0
 evaluate compare.a={{adaptation:{{threshold:1}}}}       | compare.a | threshold
@@ -94,7 +94,7 @@ evolve hebbian=paper genome=reference                   | nothing would be evolv
 evolve hebbian=carried                                  | hebbian.carries_history
 evolve genome=reference                                 | nothing would be evolved
 evolve hebbian=modulated hebbian.reward=inverted        | hebbian.reward
-evolve hebbian=abcd hebbian.reward=inverted             | rule abcd
+evolve hebbian=abcd hebbian.reward=inverted             | hebbian.reward | abcd
 evolve task.trials=3                                    | task.trials | task trial
 # values
 evaluate hebbian.N=fast                                 | hebbian.N | fast
@@ -137,7 +137,7 @@ evolve training.gain_rad_s=[1.5,7]                      | training.gain_rad_s | 
 evolve training.gain_rad_s=[1.5,6] scenario.changes=[{{at_s:50,light:1.0}}] | 40 s
 evolve training=varied ga.loops=1                       | training.unvaried_loops
 evolve training=varied optimizer=sep_cma_es optimizer.loops=1 | training.unvaried_loops
-evolve training=varied maze=double_t                    | niches
+evolve training=varied maze=double_t                    | training.obstacles_share | double_t
 evolve hebbian=abcd_shared hebbian.leak=-1              | hebbian.leak | -1
 evaluate hebbian=online hebbian.N=-1                    | hebbian.N | -1
 evolve hebbian=online hebbian.window_s=0                | hebbian.window_s | 0
@@ -195,10 +195,8 @@ evaluate scenario=misspelt --config-dir=conf            | scenario/misspelt | li
 evaluate scenario=in_words --config-dir=conf            | scenario/in_words | scenario.light
 evaluate scenario=from_none --config-dir=conf           | scenario/from_none | 2obstacle
 evaluate scenario=too_deep --config-dir=conf            | scenario/too_deep | scenario.scenario
-evaluate scenario=number --config-dir=conf              | conf/scenario/number.yaml | keys with values
+evaluate scenario=number --config-dir=conf              | scenario=number
 evaluate scenario=dotted --config-dir=conf              | scenario/dotted | lamp: {{x_m: ...}}
-evaluate scenario=short_end --config-dir=conf           | short_end.yml | .yaml
-evaluate scenario=large_end --config-dir=conf           | large_end.YAML | .yaml
 sweep no_package --config-dir=conf                      | experiment/no_package | experiment
 sweep alone --config-dir=conf                           | alone | evaluate
 # files of the user's: rules
