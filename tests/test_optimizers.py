@@ -196,7 +196,7 @@ def test_a_run_of_sep_cma_es_is_resumed_repeated_and_shown():
     done("evolve", "resume=run", "optimizer.generations=3", "-q")
     assert same("run", "whole")
     done("rerun", "run", "-q")
-    assert "Evolved by sep_cma_es, in training worlds unvaried" in call("show", "run").stdout
+    assert "Evolved: optimizer sep_cma_es, training unvaried" in call("show", "run").stdout
     with np.load("run/champion.npz") as champion, np.load("run/checkpoint.npz") as checkpoint:
         assert (str(champion["optimizer"]), str(champion["training"])) == ("sep_cma_es", "unvaried")
         assert champion["fitness"] == checkpoint["champion_fitness"]

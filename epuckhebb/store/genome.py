@@ -189,7 +189,9 @@ def _read_genome(path: Path, name: str, shape: tuple[int, ...] | Wiring | None) 
             is_like = own is not None and own.name == shape.name and wired.layers == network.layers
             if not (is_like and np.array_equal(wired.joined, network.joined)):
                 its = f"{network} with network.wiring={own.name if own else LAYERS}"
-                raise ConfigError(f"genome={path} is for a network {its}, the settings make another: {wired}")
+                raise ConfigError(
+                    f"genome={path} is for {its}, the settings make {wired} with network.wiring={shape.name}"
+                )
             network = wired
         if layers and network.layers != layers:
             raise ConfigError(f"genome={path} is of layers {network}, and network.layers asks for {list(layers)}")
