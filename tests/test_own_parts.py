@@ -195,7 +195,7 @@ BAD = {  # a name, and the words with which its part is evaluated or evolved
                    "bad.py, line 8: BrokenPipeError"),
     "several": (part("sensor", method="read = staticmethod(lambda x: (0.1, 0.2))"), "sensor", "must give a number"),
     "leaving": (part("sensor", method="read = staticmethod(lambda x: exit())"), "sensor", "robot.sensors.sensor="),
-    "far": (part("wiring").replace("inputs + 4", "99"), "wiring", "synapse (0, 99) must join neurons 0 to 21"),
+    "far": (part("wiring").replace("inputs + 4", "99"), "wiring", "synapse (0, 99) must join one of 0 to 21"),
     "endless": (part("wiring").replace("[(0, inputs + 4), (0, inputs + 5)]", "iter(lambda: (0, inputs + 1), 0)"),
                 "wiring", "100001 weights or more"),
     "alone": (part("wiring").replace("[(0, inputs + 4), (0, inputs + 5)]", "[]"), "wiring", "gives none"),

@@ -110,7 +110,8 @@ class Adaptation(NoAdaptation):
         if self.plastic_when is PlasticWhen.goal_signal and isinstance(rule, NoRule):
             raise ValueError("adaptation.plastic_when=goal_signal needs a plasticity rule: give hebbian=stay")
         if duration_s <= self.start_by_s < math.inf:
-            raise ValueError(f"adaptation.start_by_s must be less than lifetime.duration_s, got {self.start_by_s:g}")
+            most = f"less than lifetime.duration_s = {duration_s:g}, or inf for never"
+            raise ValueError(f"adaptation.start_by_s must be {most}, got {self.start_by_s:g}")
         if self.homeostasis and wiring is not None:
             raise ValueError(f"adaptation={self.name} needs network.wiring={LAYERS}, got {wiring.name}, without layers")
         if rule.signal == Signal.fitness and self.signal and "fitness" in self.signal.arguments("signal"):

@@ -45,7 +45,8 @@ class Network:
         if self.wiring is None and (len(self.layers) < 2 or not whole):
             raise ValueError(f"network.layers must be two or more positive whole numbers, got {list(self.layers)}")
         if self.wiring is not None and (len(self.layers) < 2 or not whole or self.layers[-1] < self.wiring.outputs):
-            raise ValueError(f"wiring {self.wiring.name}: `sizes` must be whole numbers, got {list(self.layers[1:])}")
+            sizes = f"positive whole numbers, the last {self.wiring.outputs} or more"
+            raise ValueError(f"wiring {self.wiring.name}: `sizes` must be {sizes}, got {list(self.layers[1:])}")
         if self.synapses > MOST_SYNAPSES:
             which = "network.layers" if self.wiring is None else f"network.wiring={self.wiring.name}"
             raise ValueError(f"{which}: network {self} has {self.synapses} weights or more; at most {MOST_SYNAPSES}")

@@ -123,7 +123,8 @@ class Wiring(OwnClass):
         for row, (name, evolved) in zip(parameters, self.evolved.items(), strict=True):
             value = genes[name] if evolved.value is None else np.asarray(evolved.value(genes[name]))
             if value.shape not in (genes[name].shape, ()) or not np.isfinite(value).all():
-                raise PartError(f"wiring {self.name}: `value` of {name} gives {genes[name].size} numbers, got {value}")
+                needed = f"`value` of {name} must give {genes[name].size} finite numbers"
+                raise PartError(f"wiring {self.name}: {needed}, got {value}")
             row[:] = value
         substep_s = float(self.step_s(gain_rad_s, step_s)) / self.substeps
         return Neurons(stored(self.state, count), parameters, self.numbers(), substep_s)
@@ -136,7 +137,8 @@ class Wiring(OwnClass):
             if len(pair) != 2 or not all(isinstance(number, int | np.integer) for number in pair):
                 raise ValueError(f"wiring {self.name}: a synapse must be two whole numbers, (pre, post), got {pair}")
             if not (0 <= pair[0] < end and inputs < pair[1] < end):
-                raise ValueError(f"wiring {self.name}: synapse {pair} must join neurons 0 to {end - 1}")
+                ends = f"one of 0 to {end - 1} with one of {inputs + 1} to {end - 1}"
+                raise ValueError(f"wiring {self.name}: synapse {pair} must join {ends}")
         if not pairs:
             raise ValueError(f"wiring {self.name}: `synapses` gives none")
         pre, post = np.array(pairs, np.int64).T

@@ -109,7 +109,8 @@ class Training:
         if most > scenario.robot.motor_limit_rad_s:
             raise ValueError(f"training.gain_rad_s must be at most {scenario.robot.motor_limit_rad_s:g}, got {most}")
         if scenario.changes and scenario.changes[-1]["at_s"] >= end:
-            raise ValueError(f"scenario.changes must come before {end:g} s, the end with training.gain_rad_s")
+            limit, got = f"{end:g} s, the end with training.gain_rad_s", scenario.changes[-1]["at_s"]
+            raise ValueError(f"scenario.changes must come before {limit}, got {got}")
 
     def worlds(
         self,

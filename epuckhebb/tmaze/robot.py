@@ -74,7 +74,9 @@ class Robot:
             inertia = self.solid.inertia_kg_m2
             sizes = (*self.solid[:3:2], *inertia, *self.solid.underside, *self.solid[5:], high - low)
             if not (len(inertia) == 3 and low >= 0 and all(0 < size < math.inf for size in sizes)):
-                raise ValueError("robot.solid must hold numbers above 0, and hull_m from low to high")
+                raise ValueError(
+                    "robot.solid must hold numbers above 0, three inertia_kg_m2, and hull_m from low to high"
+                )
         names = [group.name for group in self.sensors]
         if not {LightSensors.name, DistanceSensors.name} <= set(names) or len(set(names)) < len(names):
             raise ValueError(f"robot.sensors must be light, distance and perhaps others, each once, got {names}")

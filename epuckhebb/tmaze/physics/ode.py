@@ -241,7 +241,7 @@ class Ode(Physics):
         if world.task.has_trials:
             raise ValueError(f"physics=ode cannot put the robot back during a lifetime, as task={world.task.name} does")
         if world.wall_friction:
-            raise ValueError(f"scenario.wall_friction must be 0, got {world.wall_friction}; give physics.friction")
+            raise ValueError(f"physics=ode needs scenario.wall_friction=0, got {world.wall_friction}; give friction")
 
     def mover(self, robot: Robot) -> Move:
         """See `Physics`."""
