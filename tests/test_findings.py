@@ -292,15 +292,6 @@ def test_rescue_over_all_changed_worlds_by_hand():
     assert findings.changed(EACH, "obstacles") == ["2obstacles", "4obstacles"]
 
 
-def one_sided():
-    """Champion l always turns left and solves the left everywhere. Champion m solves both, and fewer when changed."""
-    outcomes = {}
-    for scenario, m in (("base", (3, 3)), ("2obstacles", (3, 0)), ("4obstacles", (0, 0))):
-        outcomes |= {("l", scenario, GA, 0.0): (3, 0), ("m", scenario, GA, 0.0): m}
-        outcomes |= {("l", scenario, HEBBIAN, N): (3, 0), ("m", scenario, HEBBIAN, N): (0, 3)}
-    return findings.trials(lifetimes(outcomes))
-
-
 def test_success_counts_champions():
     found = findings.success(EACH).set_index(["scenario", "controller", "side"])
     assert tuple(found.loc[("base", GA, "right"), ["successes", "n"]]) == (1, 2)
