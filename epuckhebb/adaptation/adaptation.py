@@ -16,6 +16,7 @@ from epuckhebb.adaptation.homeostasis import HomeostasisState, homeostasis, init
 from epuckhebb.adaptation.wall_following import wall_following
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.own_class import class_in, names_in, stored
+from epuckhebb.controller.plasticity.control import Control
 from epuckhebb.controller.plasticity.rule import NoRule, Rule
 from epuckhebb.controller.random import noise_workspace_size
 from epuckhebb.controller.ranges import check, within
@@ -109,6 +110,10 @@ class Adaptation(NoAdaptation):
         """See `NoAdaptation`."""
         if self.plastic_when is PlasticWhen.goal_signal and isinstance(rule, NoRule):
             raise ValueError("adaptation.plastic_when=goal_signal needs a plasticity rule: give hebbian=stay")
+        if rule.control is not Control.none and self.is_gated and self.plastic_when is PlasticWhen.late:
+            others = " or ".join(one.name for one in PlasticWhen if one is not PlasticWhen.late)
+            given = f"hebbian.control={rule.control.name} with adaptation={self.name}"
+            raise ValueError(f"{given}, which resets the weights; give another, with adaptation.plastic_when={others}")
         if duration_s <= self.start_by_s < math.inf:
             most = f"less than lifetime.duration_s = {duration_s:g}, or inf for never"
             raise ValueError(f"adaptation.start_by_s must be {most}, got {self.start_by_s:g}")

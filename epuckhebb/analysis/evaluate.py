@@ -16,10 +16,10 @@ from epuckhebb.adaptation.nominal import Nominal
 from epuckhebb.controller import random
 from epuckhebb.controller.genome import GenomePlan, plan_of
 from epuckhebb.controller.network import PAPER_NETWORK, Network
-from epuckhebb.controller.plasticity.control import Sign, signs
+from epuckhebb.controller.plasticity.control import Sign, signs, signs_of_draw, yoking
 from epuckhebb.controller.random import Stream
 from epuckhebb.tmaze.batch import run_lifetimes
-from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
+from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual, has_control
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.maze import SIDES, Side
 from epuckhebb.tmaze.outcome import Outcome
@@ -31,8 +31,10 @@ from epuckhebb.tmaze.task import rewarded
 _CONDITION = ("genome", "experiment", "scenario", "light", "obstacles", "controller", "N", "signal")
 _REPEAT = ("side", "repeat", "seed")
 _PATH = ("time_to_goal_s", "path_length_m", "average_speed_m_s", "final_position_error_m")
-MEANS = (*_PATH, "weight_change_mean", "weight_change_final", "fitness", "contact_fraction", "saturated_fraction")
-COLUMNS = (*_CONDITION, *_REPEAT, "success", *MEANS[:-1], "changed", MEANS[-1])
+_FIRST = (*_PATH, "weight_change_mean", "weight_change_final", "fitness", "contact_fraction")
+_LATER = ("saturated_fraction", "weight_path")  # further means, after the column `changed`
+MEANS = (*_FIRST, *_LATER)
+COLUMNS = (*_CONDITION, *_REPEAT, "success", *_FIRST, "changed", *_LATER)
 REWARDED = ("rewarded_share", "switch_trial")  # more columns, where a lifetime is many trials
 _TRIAL_OF = ("genome", "controller", *_REPEAT)
 Rows = list[dict[str, Any]]  # of a table; pandas takes a tenth of a second to load, and one evaluation needs none
@@ -83,8 +85,8 @@ def evaluate(
     genes: (genes,). nominal: statistics of the training world, for adaptations that compare with them. name, changed:
     values of the columns `genome` and `changed`. network: of these genes. plan: the parts of the genes, weights alone
     unless given; each controller takes the parts of its rule. evolved_signs: shuffled signs of updates with which the
-    genome was evolved; without them, a control draws its own. Returns one row a lifetime, with the columns `COLUMNS`
-    (and `REWARDED`, where a lifetime is many trials), and the traces of the first repeat (empty if
+    genome was evolved; without them, a control has those of its draw. Returns one row a lifetime, with the columns
+    `COLUMNS` (and `REWARDED`, where a lifetime is many trials), and the traces of the first repeat (empty if
     `lifetime.record_every` is 0).
 
     Raises:
@@ -100,7 +102,7 @@ def evaluate(
     ]
     plan = plan or plan_of(network)
     individuals = individuals_for(genes, everyone, wanted, nominal, plan, network, seed, evolved_signs)
-    outcomes = run_lifetimes(individuals, scenario, lifetime, threads)
+    outcomes = run_lifetimes(individuals, scenario, lifetime, threads, weight_path=has_control(controllers))
     rows = [
         {
             "genome": name,
@@ -117,6 +119,7 @@ def evaluate(
             **_metrics(outcome, lifetime),
             "changed": changed,
             "saturated_fraction": outcome.saturated_fraction,
+            "weight_path": outcome.weight_path if number else 0.0,
             **(_rewarded(outcome.trials) if scenario.task.has_trials else {}),
         }
         for (number, side, repeat), (outcome, _) in zip(wanted, outcomes, strict=True)
@@ -151,9 +154,10 @@ def individuals_for(
     of_updates = [
         evolved_signs
         if evolved_signs is not None and controller.rule.sign is Sign.shuffled
-        else signs(controller.rule.sign, network.synapses, random.rng(seed, Stream.shuffled_signs, place))
+        else signs(controller.rule.sign, network.synapses, signs_of_draw(controller.rule.sign_draw, place))
         for controller in controllers
     ]
+    yokings = [yoking(one.rule.control, network, one.rule.sign_draw, place) for one in controllers]
 
     def individual(number: int, side: Side, repeat: int) -> Individual:
         carries = side == "right" and controllers[number].rule.carries_history
@@ -165,6 +169,7 @@ def individuals_for(
             key=random.key(seed, Stream.evaluation_noise, repeat, SIDES.index(side)),
             task_key=int(random.key(seed, Stream.evaluation_task, repeat)),
             signs=of_updates[number],
+            yoking=yokings[number],
             nominal=None if nominal is None else nominal.of(side),
             record=repeat == 0,
             after=replace(individual(number, "left", repeat), record=False) if carries else None,

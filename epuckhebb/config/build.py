@@ -10,13 +10,13 @@ from epuckhebb.config import hand
 from epuckhebb.config.parts import GENETIC, NONE, PAPER, part_class, part_from
 from epuckhebb.config.values import converted, part_settings, record
 from epuckhebb.controller.network import HIDDEN, Network
-from epuckhebb.controller.plasticity.control import Sign
+from epuckhebb.controller.plasticity.control import Control, Sign
 from epuckhebb.controller.plasticity.rule import NO_RULE, NoRule, Reward, Rule, receives_reward
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.controller.wiring import Wiring
 from epuckhebb.evolution.optimizer import Algorithm
 from epuckhebb.runtime import ConfigError, refusing
-from epuckhebb.tmaze.individual import CONTROLS, GA, Controller
+from epuckhebb.tmaze.individual import CONTROLS, GA, YOKED, Controller
 from epuckhebb.tmaze.maze import Maze, Place, Pose, Side
 from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
@@ -76,13 +76,15 @@ def with_signal(adaptation: Adaptation, key: str = "adaptation") -> Adaptation:
 
 def controller_of(rule: Rule, adaptation: Adaptation, called: str | None = None) -> Controller:
     """The controller of a rule and an adaptation. called: the name of the rule; its class unless given."""
-    control = "" if rule.sign is Sign.hebbian else f" ({rule.sign.name})"
+    differs = [one.name for one in (rule.sign, rule.control) if one not in (Sign.hebbian, Control.none)]
+    control = f" ({', '.join(differs)})" if differs else ""
     if adaptation.acts:
         name = f"{adaptation.name}{control}"
     elif isinstance(rule, NoRule):
         name = GA
     elif called in (PAPER, "", None) and isinstance(rule, Paper):
-        name = CONTROLS[rule.sign]
+        name = CONTROLS[rule.sign] if rule.control is Control.none else YOKED[rule.control]
+        name += "" if Sign.hebbian is rule.sign or rule.control is Control.none else f" ({rule.sign.name})"
     else:
         name = f"{called or type(rule).__name__.lower()}{control}"
     return Controller(name=name, rule=rule, adaptation=adaptation)

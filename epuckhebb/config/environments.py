@@ -17,7 +17,7 @@ from epuckhebb.config.parts import NONE, Layers, part_from
 from epuckhebb.config.plugins import class_named, load
 from epuckhebb.config.schema import Checked, Figures, register
 from epuckhebb.controller.network import Network
-from epuckhebb.controller.plasticity.control import Sign
+from epuckhebb.controller.plasticity.control import Control, Sign
 from epuckhebb.controller.plasticity.rule import NoRule, Rule
 from epuckhebb.controller.ranges import check, within
 from epuckhebb.controller.wiring import LAYERS, Wiring
@@ -65,6 +65,11 @@ class EnvironmentConfig(Checked):
         if not isinstance(self.rule, NoRule) and self.rule.signal != SIGNAL:
             raise ValueError(f"hebbian.signal must be {SIGNAL} in an environment, got {self.rule.signal}")
         self.rule.check_wiring(self.network_made.wiring)
+        if self.rule.control is not Control.none:
+            raise ValueError(f"hebbian.control={self.rule.control.name} is for the maze; in an environment it is none")
+        if self.rule.sign_draw and self.rule.sign is Sign.shuffled:
+            given = f"hebbian.sign=shuffled in an environment, got {self.rule.sign_draw}"
+            raise ValueError(f"hebbian.sign_draw must be 0 with {given}")
 
     @property
     def threads(self) -> int:
@@ -104,6 +109,8 @@ class EvolveEnvironment(EnvironmentConfig):
         """Validate the settings."""
         super().__post_init__()
         self.algorithm = build.optimizer_from(self.optimizer, self.ga)
+        if self.rule.sign_draw:
+            raise ValueError(f"hebbian.sign_draw={self.rule.sign_draw} is for evaluate; in evolution it is 0")
         self.schedule = self.algorithm.schedule(UNVARIED, Lifetime())
         self.plan = evolved_plan(self.network_made, self.rule)
         self.algorithm.check(self.plan)

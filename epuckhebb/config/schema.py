@@ -17,6 +17,7 @@ from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.config import build
 from epuckhebb.config.errors import explain
 from epuckhebb.config.parts import Layers, part_from
+from epuckhebb.controller.plasticity.control import Control
 from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule
 from epuckhebb.controller.ranges import check, within
 from epuckhebb.controller.wiring import LAYERS, Wiring
@@ -193,6 +194,9 @@ class EvolveConfig(WorldConfig):
             raise ValueError(f"scenario.hand={self.scenario.hand} is for `epuckhebb evaluate`; evolve takes changes")
         self.controller = build.controller_of(self.rule, Adaptation(), self.hebbian.get("name"))
         self.controller.check(self.world, self.lifetime.duration_s, self.wiring)
+        if self.rule.control is not Control.none or self.rule.sign_draw:
+            given = f"hebbian.control={self.rule.control.name} and hebbian.sign_draw={self.rule.sign_draw}"
+            raise ValueError(f"{given} are for evaluate; in evolution there are none and 0: the seed draws the signs")
         if self.rule.carries_history:
             raise ValueError("hebbian.carries_history=true is for evaluate: in evolution no lifetime follows another")
         self.algorithm = build.optimizer_from(self.optimizer, self.ga)

@@ -34,6 +34,8 @@ class Stream(IntEnum):
     evaluation_task = 13
     training_task = 14
     flock = 15
+    yoked_places = 16
+    random_genome = 17
 
 
 def rng(seed: int, stream: Stream, *place: int) -> np.random.Generator:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from epuckhebb.config import EvaluateConfig, load
-from epuckhebb.controller.plasticity.control import Sign
+from epuckhebb.controller.plasticity.control import Control, Sign
 from epuckhebb.controller.plasticity.rule import EVERY_STEP, InitialWeights, schedule_of
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.controller.wiring import LAYERS
@@ -143,8 +143,10 @@ def _rule(controller: Controller) -> dict[str, Any]:
     rule = controller.rule
     as_in_paper = rule.sign is Sign.hebbian and rule.initial_weights is InitialWeights.evolved and not rule.N_gain_rad_s
     as_in_paper = as_in_paper and schedule_of(rule) == EVERY_STEP and not rule.carries_history
+    as_in_paper = as_in_paper and rule.control is Control.none
     if not isinstance(rule, Paper) or not as_in_paper or controller.adaptation.acts:
         needs = "hebbian.normalise=none, hebbian.average=1, hebbian.every=1, hebbian.carries_history=false"
+        needs += ", hebbian.control=none"
         raise ConfigError(f"controller {controller.name}: Webots has hebbian=none, or the paper's rule with {needs}")
     settings = {key: value.name if isinstance(value, Enum) else value for key, value in asdict(rule).items()}
     return {**settings, "history_steps": initial_history(rule).steps}

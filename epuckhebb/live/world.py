@@ -16,11 +16,12 @@ from epuckhebb.runs import compile_for, evaluate_into, hydra, prepare_evaluation
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Run, write_atomic
 from epuckhebb.tmaze.changes import step_of
-from epuckhebb.tmaze.individual import GA_ALONE
+from epuckhebb.tmaze.individual import GA_ALONE, has_control
 from epuckhebb.tmaze.maze import SIDES, Side, added, gap
 from epuckhebb.tmaze.robot import STEP_S
 from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.session import Session
+from epuckhebb.tmaze.simulator import Simulator
 
 _LONGEST_S = 1200.0  # of a lifetime, unless one asks for another: all its samples are kept
 _SETTINGS = ("lifetime.duration_s", "lifetime.record_every", "repeats")  # of an evaluation; a world has its own
@@ -60,7 +61,12 @@ class LiveWorld:
         individuals = individuals_for(
             genome.genes, self.controllers, wanted, nominal, plan, network, config.seed, genome.signs
         )
-        self.robots = [Session(one, config.world, self.lifetime) for one in individuals]
+        kept = int(has_control(self.controllers))
+        simulators = [Simulator(config.world, self.lifetime, kept=kept) for _ in individuals]
+        self.robots = [
+            Session(one, config.world, self.lifetime, simulator=own)
+            for one, own in zip(individuals, simulators, strict=True)
+        ]
         self.changes: list[dict[str, Any]] = []
         self.wishes: dict[str, Any] = {}
         self._planned: list[Mapping[str, Any]] = []

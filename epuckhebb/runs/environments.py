@@ -30,7 +30,7 @@ from epuckhebb.controller import random
 from epuckhebb.controller.compiling.sources import own_code
 from epuckhebb.controller.controller import Controller
 from epuckhebb.controller.genome import plan_of
-from epuckhebb.controller.plasticity.control import Sign, signs
+from epuckhebb.controller.plasticity.control import Sign, signs, signs_of_draw
 from epuckhebb.controller.plasticity.rule import NoRule
 from epuckhebb.controller.random import Stream
 from epuckhebb.evolution.evolve import Generation, search_generations
@@ -213,7 +213,7 @@ class PreparedEnvironmentEvaluation:
     def works(self, repeats: Iterable[int]) -> list[Work]:
         """The lifetimes of each controller, one by one; all have the same seeds."""
         config, genes = self.config, self.genome.genes
-        drawn = random.rng(config.seed, Stream.shuffled_signs, zlib.crc32(genes.tobytes()))
+        drawn = signs_of_draw(config.rule.sign_draw, zlib.crc32(genes.tobytes()))
         control = signs(Sign.shuffled, config.network_made.synapses, drawn)
         return [
             Work(

@@ -29,6 +29,7 @@ from epuckhebb.config import (
 from epuckhebb.controller.compiling.sources import own_code
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import name_of
+from epuckhebb.controller.plasticity.control import MOST_KEPT, Control
 from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, Rule, evolved_sizes
 from epuckhebb.controller.wiring import LAYERS, Wiring
 from epuckhebb.runs import hydra
@@ -45,9 +46,9 @@ from epuckhebb.store import (
     traces_arrays,
 )
 from epuckhebb.tmaze.batch import load_kernel
-from epuckhebb.tmaze.individual import GA_ALONE, Controller
+from epuckhebb.tmaze.individual import GA_ALONE, Controller, has_control
 from epuckhebb.tmaze.own_sensor import reading_names
-from epuckhebb.tmaze.robot import EPUCK
+from epuckhebb.tmaze.robot import EPUCK, STEP_S
 from epuckhebb.tmaze.scenario import TRAINED, Scenario
 from epuckhebb.tmaze.session import LostRobotError
 from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
@@ -190,6 +191,20 @@ def check_rules(genome: Genome, network: Network, rules: Iterable[tuple[str, Rul
             raise ConfigError(f"{name} has rule {name_of(kind)}, and {has}")
 
 
+def check_controls(genome: Genome, config: EvaluateConfig) -> None:
+    """Refuse yoked controls whose masters would fill the memory, and draws of signs that the genome has of its own."""
+    most = MOST_KEPT // genome.network.synapses
+    for controller in config.controllers:
+        rule = controller.rule
+        if rule.control is not Control.none and config.lifetime.steps > most:
+            needs = f"keeps all weights, and needs lifetime.duration_s of at most {most * STEP_S:g}"
+            given = f"got {config.lifetime.duration_s:g}"
+            raise ConfigError(f"hebbian.control={rule.control.name} of {controller.name} {needs}; {given}")
+        if rule.sign_draw and rule.control is Control.none and genome.signs is not None:
+            evolved = f"genome={genome.name} keeps the shuffled signs with which it evolved"
+            raise ConfigError(f"{evolved}: hebbian.sign_draw of {controller.name} must be 0, got {rule.sign_draw}")
+
+
 @functools.singledispatch
 def prepare_evaluation(config: Any, genome: Genome | None = None) -> Any:
     """Check that a genome, the one that the settings name unless given, fits robot, task, network and rules.
@@ -200,6 +215,7 @@ def prepare_evaluation(config: Any, genome: Genome | None = None) -> Any:
         genome = load_genome(config.genome, config.world.experiment, config.shape)
     check_genome(genome, config.world, config.shape)
     check_rules(genome, genome.network, [(controller.name, controller.rule) for controller in config.controllers])
+    check_controls(genome, config)
     return PreparedEvaluation(config=config, genome=genome)
 
 
@@ -262,7 +278,7 @@ def compile_for(controllers: Sequence[Controller], network: Network, world: Scen
     with compiling():
         for controller in controllers or [GA_ALONE]:
             with suppress(LostRobotError):  # one step of a network of zeros says nothing about a genome
-                load_kernel(controller, network, world)
+                load_kernel(controller, network, world, weight_path=has_control(controllers))
 
 
 def write_figure(run: RunFolder, name: str, config: Any, *given: Any) -> None:

@@ -9,6 +9,7 @@ from epuckhebb.controller.compiling.errors import NotCompiledError
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import HIDDEN, Network
 from epuckhebb.controller.own_class import PartError
+from epuckhebb.controller.plasticity.control import Control, yoking
 from epuckhebb.controller.plasticity.rule import NoRule
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
@@ -25,11 +26,17 @@ _LIFETIMES_PER_STAGE = 50  # that run one after the other
 
 
 def run_lifetimes(
-    individuals: Sequence[Individual], scenario: Scenario, lifetime: Lifetime, threads: int = 1
+    individuals: Sequence[Individual],
+    scenario: Scenario,
+    lifetime: Lifetime,
+    threads: int = 1,
+    *,
+    weight_path: bool = False,
 ) -> list[tuple[Outcome, Samples]]:
     """Run many lifetimes in the same scenario; outcomes come in the order of `individuals`, whatever `threads`.
 
-    Samples have length 0 where a lifetime is not recorded.
+    weight_path: whether the total change of the weights is measured; it always is beside a yoked control. Samples have
+    length 0 where a lifetime is not recorded.
 
     Raises:
         NotCompiledError: a rule does not compile.
@@ -40,8 +47,10 @@ def run_lifetimes(
     rules = [one.controller.rule for one in individuals if not one.controller.adaptation.acts]
     fallback_rule = next((rule for rule in rules if not isinstance(rule, NoRule) and not rule.evolved), Paper())
 
+    kept = int(weight_path or any(one.controller.rule.control is not Control.none for one in individuals))
+
     def in_turn(block: Sequence[Individual]) -> list[tuple[Outcome, Samples]]:
-        simulator, done = Simulator(scenario, lifetime, fallback_rule), []
+        simulator, done = Simulator(scenario, lifetime, fallback_rule, kept), []
         for individual in block:
             session = Session(individual, scenario, lifetime, simulator=simulator)
             session.step(lifetime.steps)
@@ -55,9 +64,15 @@ def run_lifetimes(
 
 
 def load_kernel(
-    controller: Controller = GA_ALONE, network: Network | None = None, scenario: Scenario | None = None
+    controller: Controller = GA_ALONE,
+    network: Network | None = None,
+    scenario: Scenario | None = None,
+    *,
+    weight_path: bool = False,
 ) -> None:
     """Load or compile the kernel of such lifetimes. A lifetime with parts of the user's own is run twice.
+
+    weight_path: as of `run_lifetimes`.
 
     Raises:
         NotCompiledError: a part does not compile.
@@ -72,6 +87,7 @@ def load_kernel(
         controller=controller,
         network=net,
         signs=np.ones(net.synapses),
+        yoking=yoking(controller.rule.control, net, 0, 0),
         key=np.uint64(0),
         record=True,
     )
@@ -80,7 +96,8 @@ def load_kernel(
     lifetime = Lifetime(duration_s=duration_s, gain_rad_s=gain, record_every=1)
     named = " or ".join(f"{part.KEY} ({part.what()})" for part in own)
     try:
-        first, *again = (run_lifetimes([dummy], world, lifetime)[0] for _ in range(2 if own else 1))
+        lifetimes = (run_lifetimes([dummy], world, lifetime, weight_path=weight_path) for _ in range(2 if own else 1))
+        first, *again = (done for (done,) in lifetimes)
     except (Exception, SystemExit) as error:  # what a user's own part may raise has no end
         if not own or isinstance(error, NotCompiledError | PartError | LostRobotError):
             raise

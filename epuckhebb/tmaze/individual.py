@@ -1,7 +1,8 @@
 """Who runs a lifetime: genes and their network, and a controller, which is a plasticity rule and an adaptation."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled, nothing, one
 from epuckhebb.controller.network import PAPER_NETWORK, Network
-from epuckhebb.controller.plasticity.control import Sign
+from epuckhebb.controller.plasticity.control import Control, Sign, Yoking
 from epuckhebb.controller.plasticity.rule import NO_RULE, NoRule, Reward, Rule, receives_reward
 from epuckhebb.controller.wiring import Wiring
 from epuckhebb.tmaze.fitness import Signal, signal_number
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 CLASSES = ("senses", "live fitness", "clock", "goal signal", "hand-written robot")
 GA, HEBBIAN = "GA", "Hebbian"  # in the paper's words
 CONTROLS = {Sign.hebbian: HEBBIAN, Sign.anti: "anti-Hebbian", Sign.shuffled: "shuffled signs"}
+YOKED = {Control.yoked_sign: "yoked, signs", Control.yoked_place: "yoked, places"}
 
 
 class Hooks(NamedTuple):
@@ -101,6 +103,11 @@ class Controller:
         """Whether it is the control: the network alone, without plasticity or adaptation."""
         return isinstance(self.rule, NoRule) and not self.adaptation.acts
 
+    @cached_property
+    def without_control(self) -> "Controller":
+        """The controller whose changes of the weights a yoked control takes; the same one each time."""
+        return replace(self, rule=replace(self.rule, control=Control.none))
+
     @property
     def knowledge(self) -> tuple[str, ...]:
         """What it uses: its senses, what it is given, and what was written by hand."""
@@ -129,10 +136,19 @@ class Controller:
         if rule.reward is not Reward.given and not (task.gives_reward and receives_reward(type(rule))):
             raise ValueError(f"hebbian.reward={rule.reward.name} does nothing with {rule.name} and task={task.name}")
         rule.check_wiring(wiring)
+        if rule.sign_draw and rule.sign is not Sign.shuffled and rule.control is Control.none:
+            draws = f"hebbian.sign={Sign.shuffled.name}, or for a yoked hebbian.control"
+            raise ValueError(f"hebbian.sign_draw={rule.sign_draw} is for {draws}; controller {self.name} has neither")
         self.adaptation.check(rule, duration_s, wiring)
 
 
 GA_ALONE = Controller()
+
+
+def has_control(controllers: Iterable[Controller]) -> bool:
+    """Whether one of them is a control of plasticity: then the total change of the weights is measured for all."""
+    rules = [controller.rule for controller in controllers]
+    return any(rule.sign is not Sign.hebbian or rule.control is not Control.none for rule in rules)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,7 +159,7 @@ class Individual:
     task's random numbers; individuals that are compared have the same, and so have both sides. start: None for the
     maze's. signs: of the plastic updates, (synapses,), None for the rule's sign; shuffled ones must be given. nominal:
     what an adaptation compares with. record: whether samples are recorded. after: whose lifetime comes before, where
-    the live fitness carries its history.
+    the live fitness carries its history. yoking: of a yoked control, which changes of its master it takes.
     """
 
     genes: Floats
@@ -157,3 +173,12 @@ class Individual:
     nominal: Any = None
     record: bool = False
     after: "Individual | None" = None
+    yoking: Yoking | None = None
+
+    @property
+    def master(self) -> "Individual | None":
+        """Whose changes of the weights it takes, if it is a yoked control: the same, with the rule itself."""
+        if self.controller.rule.control is Control.none:
+            return None
+        before = self.after and self.after.master
+        return replace(self, controller=self.controller.without_control, after=before, record=False)

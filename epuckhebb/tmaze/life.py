@@ -100,7 +100,7 @@ class Life(NamedTuple):
     activation: (neurons,). recent: (steps, neurons), activations of the last steps. adaptation: what it carries.
     trials: records of `epuckhebb.tmaze.task.TRIAL`, none where a lifetime is one trial. score: one record, what its
     fitness stores. neurons: of a wiring; its state lasts as long as the lifetime. past: what late sensors and wheels
-    need (`epuckhebb.tmaze.faults`).
+    need (`epuckhebb.tmaze.faults`). track: of the changes of the weights, where controls need it, else nothing.
     """
 
     genotype: Genotype
@@ -117,6 +117,7 @@ class Life(NamedTuple):
     workspace: Workspace
     senses: SenseWorkspace
     past: Floats
+    track: Any
 
 
 def tally_of(life: Life) -> Any:

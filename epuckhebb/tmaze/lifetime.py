@@ -28,7 +28,7 @@ _part: Any = None
 OUTPUT, SUBSTEPS, HAS_RULE, HAS_TRIALS, HAS_SCORE, resets = 0, 1, False, False, False, False
 draw_noise = sense = apply_sensor_faults = blind = reward_input = scale = _part  # sense
 forward = nearest = score = _part  # act, score
-open_gate = average = modulate = is_due = learn = record_tilt = _part  # learn
+open_gate = average = modulate = is_due = learn = begin_updates = end_updates = record_tilt = _part  # learn
 explore = move = to_goal = end_step = _part  # move
 
 
@@ -96,6 +96,7 @@ def decide(
         reset_to_genes(life)
     tally.need = need
     base_rate = rate = effective_rate(setup.rate, need, live_fitness, setup.floor)
+    begin_updates(weights, life.track, step)
     for k in range(SUBSTEPS):
         number = step * SUBSTEPS + k
         read = average(life.recent, workspace.substeps[k] if SUBSTEPS > 1 else activation, number, workspace.mean)
@@ -106,6 +107,8 @@ def decide(
                 tally.weight_change = learn(
                     weights, life.synapse_state, life.genotype, read, rate, context, setup.rule, workspace
                 )
+    genes, change = life.genotype.weights, workspace.change
+    tally.weight_change = end_updates(weights, genes, life.track, step, change, tally.weight_change)
     tally.weight_change_sum += tally.weight_change + tally.scaling
     if setup.record_every > 0 and step % setup.record_every == 0:
         place = step // setup.record_every

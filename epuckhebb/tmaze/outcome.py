@@ -3,6 +3,7 @@
 Success is decided in `outcome_of`: the robot is within 5 cm of its goal at the last step.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +25,8 @@ class Outcome(NamedTuple):
     weight_change_final: sum over weights of |W - W_gene|. contact_fraction: share of steps with a distance reading
     above 0.8. success: whether the robot was within 5 cm of its goal at the last step. fitness: how well it did its
     task; the paper's final fitness unless that is another. steps: done. saturated_fraction: share of the final weights
-    at their bound. x, y: m, where the robot is at the end.
+    at their bound. x, y: m, where the robot is at the end. weight_path: sum of |W(t + 1) - W(t)| over all steps and
+    weights, without resets to the genes; nan where it was not measured.
     """
 
     time_to_goal: float
@@ -41,6 +43,7 @@ class Outcome(NamedTuple):
     saturated_fraction: float
     x: float
     y: float
+    weight_path: float
 
     @property
     def trials(self) -> NDArray[np.void]:
@@ -80,6 +83,7 @@ def outcome_of(life: Life, world: Scenario, at_start: float, bound: float, pose:
         tally.step,
         saturated_fraction(life.weights, bound),
         *pose[:2],
+        float(life.track.path[0]) if life.track else math.nan,
     )
     if world.fitness.is_own:
         facts = {**outcome._asdict(), "paper": outcome.fitness, "trials": life.trials}

@@ -12,6 +12,7 @@ from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.errors import explained
 from epuckhebb.controller.genotype import initial_state
 from epuckhebb.controller.own_class import OwnClass, PartError, own_of
+from epuckhebb.controller.plasticity.control import NO_YOKING, Track
 from epuckhebb.controller.plasticity.rule import bound_of
 from epuckhebb.tmaze import fitness
 from epuckhebb.tmaze.faults import initial_past
@@ -57,23 +58,29 @@ class Session:
         simulator: Simulator | None = None,
     ) -> None:
         self.individual, self.lifetime = individual, Lifetime() if lifetime is None else lifetime
-        self._simulator = simulator = Simulator(world, self.lifetime) if simulator is None else simulator
+        master = individual.master
+        if simulator is None:
+            simulator = Simulator(world, self.lifetime, kept=int(master is not None))
+        self._simulator = simulator
         self._phases = list(simulator.phases)
         self._kind = simulator.kind_of(individual.controller, individual.network)
         self._first = first = self._phases[0].scenario
         self._nominal = individual.nominal if individual.controller.adaptation.acts else None
         self._is_usual = self._nominal is None and individual.after is None
         self._record_every = self.lifetime.record_every if individual.record else 0
-        self.life = self._initial_life(first)
-        count = -(-self.lifetime.steps // self._record_every) if self._record_every else 0
-        self.samples = empty_samples(count, individual.network, first.physics, len(world.phases))
-        self._not_begun = {step: number for number, (step, _) in enumerate(world.phases)}
         self._history = fitness.initial_history(individual.controller.rule)
         if individual.after is not None:
             before = Session(individual.after, world, self.lifetime, simulator=simulator)
             before.step(self.lifetime.steps)
             tally, (steps, summed) = tally_of(before.life), before._history
             self._history = fitness.History(steps + float(tally.step - tally.began), summed + tally.undirected_sum)
+        self._master: Session | None = None
+        if master is not None:
+            self._master = Session(master, world, self.lifetime, simulator=simulator.of_masters)
+        self.life: Life = self._initial_life(first)
+        count = -(-self.lifetime.steps // self._record_every) if self._record_every else 0
+        self.samples = empty_samples(count, individual.network, first.physics, len(world.phases))
+        self._not_begun = {step: number for number, (step, _) in enumerate(world.phases)}
         self._start = first.maze.start if individual.start is None else individual.start
         self._space = self._phases[0].space
         self._space.place_robot(self._start)
@@ -108,7 +115,19 @@ class Session:
             workspace=kind.workspace,
             senses=kind.senses,
             past=initial_past(world.robot),
+            track=self._initial_track(),
         )
+
+    def _initial_track(self) -> Track | tuple[()]:
+        """What is kept of the changes of the weights; a yoked lifetime reads what its master keeps."""
+        who, master = self.individual, self._master
+        rule, kept = who.controller.rule, (self._kind if master is None else master._kind).kept
+        if kept is None:
+            return ()
+        yoking = NO_YOKING if master is None else who.yoking
+        if yoking is None:
+            raise ValueError(f"control={rule.control.name} needs Individual.yoking, the draw of the control; got none")
+        return Track(master is not None, kept, yoking, float(bound_of(rule)), np.zeros(1))
 
     @property
     def steps(self) -> int:
@@ -138,6 +157,8 @@ class Session:
         """
         first = self.steps
         last = min(first + count, self.lifetime.steps)
+        if self._master is not None:
+            self._lead(last)
         while (now := self.steps) < last and not self._has_ended():
             self._enter_due()
             phase, until = self._phase, min(last, self._phases[0].step) if self._phases else last
@@ -161,6 +182,8 @@ class Session:
             new, old = getattr(world, kind), getattr(self.world, kind)
             if new != old:
                 raise ValueError(f"the {kind} may not change during a lifetime: got {new.name} for {old.name}")
+        if self._master is not None:
+            self._master.change(world)
         self._phases = self._simulator.phases_of(world, self.steps, self._phase)
         self._enter(self._phases.pop(0))
 
@@ -179,6 +202,14 @@ class Session:
         at_start = min(math.dist(self._start[:2], goal) for goal in self._first.goals_now.values())
         bound = bound_of(self.individual.controller.rule)
         return outcome_of(self.life, self.world, at_start, bound, self.pose)
+
+    def _lead(self, until: int) -> None:
+        """Run the master until before a step; where it ends earlier, its weights no longer change."""
+        master = self._master
+        assert master is not None
+        master.step(until - master.steps)
+        if master._has_ended():
+            master.life.track.kept[master.steps :] = 0.0
 
     def _has_ended(self) -> bool:
         return len(self.life.trials) > 0 and bool(self.life.tally[0]["over"])

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ from epuckhebb.controller.compiling.kernel import SameTypes, compiled, kernel, w
 from epuckhebb.controller.genome import GenomePlan, plan_of
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import stored
-from epuckhebb.controller.plasticity.control import Sign, signs
+from epuckhebb.controller.plasticity.control import Control, Sign, signs
 from epuckhebb.controller.plasticity.rule import EVERY_STEP, Rule, Schedule, schedule_of
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.controller.plasticity.update import Workspace, controller_parts, workspace_for
@@ -51,6 +52,7 @@ class Kind(NamedTuple):
 
     live: the kernel. usual: the same, for individuals without nominal statistics and a history of their own; their
     records are made here, so they have the same types. setup: the fields of `Setup` that follow from the controller.
+    kept: as in `control.Track`; None where changes of the weights are not measured.
     """
 
     live: Callable[..., None]
@@ -61,19 +63,25 @@ class Kind(NamedTuple):
     signs: Floats | None
     workspace: Workspace
     senses: SenseWorkspace
+    kept: Floats | None
 
 
 class Simulator:
     """What lifetimes that run one after the other share: the world's spaces, kernels and workspaces.
 
     fallback_rule: individuals without a rule share its kernel, with N = 0. The results are bit-identical, and there is
-    one kernel less to compile.
+    one kernel less to compile. kept: the changes of the weights in so many steps are kept; in none: not measured.
     """
 
-    def __init__(self, world: Scenario, lifetime: Lifetime, fallback_rule: Rule = _PAPER) -> None:
-        self.world, self.lifetime, self._fallback_rule = world, lifetime, fallback_rule
+    def __init__(self, world: Scenario, lifetime: Lifetime, fallback_rule: Rule = _PAPER, kept: int = 0) -> None:
+        self.world, self.lifetime, self._fallback_rule, self._kept = world, lifetime, fallback_rule, kept
         self.phases = self.phases_of(world)
         self._kinds: dict[tuple[int, int], Kind] = {}
+
+    @cached_property
+    def of_masters(self) -> "Simulator":
+        """Another one, for lifetimes that others follow meanwhile: it keeps all changes of their weights."""
+        return Simulator(self.world, self.lifetime, self._fallback_rule, self.lifetime.steps)
 
     def phases_of(self, world: Scenario, since: int = 0, before: Phase | None = None) -> list[Phase]:
         """The phases of a world from step `since` on. before: the phase until then."""
@@ -95,7 +103,8 @@ class Simulator:
     def kernel(self, page: Callable[..., None], controller: Controller, network: Network) -> Any:
         """A function of `lifetime.py`, compiled for such individuals in this world."""
         rule = self._fallback_rule if controller.is_ga_alone else controller.rule
-        return kernel_of(type(rule), controller.adaptation, network, self.world, page, schedule_of(rule))
+        schedule = schedule_of(rule)._replace(tracks=self._kept > 0)
+        return kernel_of(type(rule), controller.adaptation, network, self.world, page, schedule)
 
     def kind_of(self, controller: Controller, network: Network) -> Kind:
         """What individuals with this controller and network share."""
@@ -111,7 +120,7 @@ class Simulator:
             live=kernel,
             usual=SameTypes(kernel),
             setup={
-                "rate": float(rule.N) * factor if own else 0.0,
+                "rate": float(rule.N) * factor if own and rule.control is Control.none else 0.0,
                 "floor": float(rule.floor),
                 "signal": signal_number(rule),
                 "history": initial_history(rule),
@@ -124,6 +133,7 @@ class Simulator:
             signs=None if rule.sign is Sign.shuffled else signs(rule.sign, network.synapses),
             workspace=workspace_for(network),
             senses=sense_workspace(robot, self.world.physics),
+            kept=np.empty((self._kept, 2, network.synapses)) if self._kept else None,
         )
         return kind
 

@@ -12,7 +12,7 @@ from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.evolved import Evolved
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import OwnClass, name_of
-from epuckhebb.controller.plasticity.control import Sign
+from epuckhebb.controller.plasticity.control import DRAWS, Control, Sign
 from epuckhebb.controller.ranges import within
 from epuckhebb.controller.wiring import Wiring
 
@@ -55,12 +55,14 @@ class Normalise(Enum):
 class Schedule(NamedTuple):
     """What of a rule's settings, besides its class, decides how its kernel is compiled.
 
-    normalise: as in `Rule`. averages, pauses: whether `average` and `every` are more than 1.
+    normalise: as in `Rule`. averages, pauses: whether `average` and `every` are more than 1. tracks: whether lifetimes
+    have a `control.Track`.
     """
 
     normalise: Normalise = Normalise.none
     averages: bool = False
     pauses: bool = False
+    tracks: bool = False
 
 
 EVERY_STEP = Schedule()
@@ -79,13 +81,14 @@ class Rule(OwnClass):
 
     N: base rate, 0 for a robot that does not learn. N_gain_rad_s: wheel gain at which N holds; at another gain N is
     proportional to it, so that a robot learns as much on each metre; 0 if N holds at any gain, as in the paper. floor:
-    the least factor on N, when fitness is low. w_max: bound of the weights. signal: the name of the live
-    fitness that scales the rate, a number that the rule is given at each step. history_s, history_mean: of a live
-    fitness that is a running mean, the time and the mean that it starts from; carries_history: whether a lifetime
-    starts from where the one before ended. sign: of the updates, `hebbian` or a
-    control. initial_weights: `evolved` or `random`. reward: how a modulatory neuron receives a reward, as `given` or,
-    as a control, `inverted`. normalise: what is done to the weights after an update. average: the activations that an
-    update reads, the modulatory neuron's inputs too, are means over so many steps, over fewer at the start of a
+    the least factor on N, when fitness is low. w_max: bound of the weights. signal: the name of the live fitness that
+    scales the rate, a number that the rule is given at each step. history_s, history_mean: of a live fitness that is a
+    running mean, the time and the mean that it starts from; carries_history: whether a lifetime starts from where the
+    one before ended. sign: of the updates, `hebbian` or a control. control: `none`, or a yoked control, whose weights
+    change as those of the rule did in a lifetime before. sign_draw: which of five draws of random signs, or places, a
+    control has. initial_weights: `evolved` or `random`. reward: how a modulatory neuron receives a reward, as `given`
+    or, as a control, `inverted`. normalise: what is done to the weights after an update. average: the activations that
+    an update reads, the modulatory neuron's inputs too, are means over so many steps, over fewer at the start of a
     lifetime. every: one step in so many has an update, the last of them.
 
     A subclass has a static method `synapse`, compiled by numba, which returns the direction of a weight's change. The
@@ -128,6 +131,8 @@ class Rule(OwnClass):
     history_mean: float = within(0, 1, default=0.5)
     carries_history: bool = False
     sign: Sign = Sign.hebbian
+    control: Control = Control.none
+    sign_draw: int = within(0, DRAWS - 1, default=0)
     initial_weights: InitialWeights = InitialWeights.evolved
     reward: Reward = Reward.given
     normalise: Normalise = Normalise.none
@@ -135,9 +140,12 @@ class Rule(OwnClass):
     every: int = within(1, default=1)
 
     def check_wiring(self, wiring: Wiring | None) -> None:
-        """Refuse to normalise weights of a wiring without layers; a ValueError."""
-        if wiring is not None and self.normalise is not Normalise.none:
-            raise ValueError(f"hebbian.normalise={self.normalise.name} needs layers, got network.wiring={wiring.name}")
+        """Refuse what works layer by layer for a wiring without layers; a ValueError."""
+        needs = {"normalise": self.normalise is not Normalise.none, "control": self.control is Control.yoked_place}
+        if wiring is not None and any(needs.values()):
+            key = next(key for key, has in needs.items() if has)
+            value = getattr(self, key).name
+            raise ValueError(f"hebbian.{key}={value} needs layers, got network.wiring={wiring.name}")
 
     @classmethod
     def express(cls, parameters: Mapping[str, Floats]) -> Mapping[str, Floats]:

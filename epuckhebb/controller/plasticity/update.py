@@ -22,6 +22,7 @@ from epuckhebb.controller.compiling.simd import WIDTH, alike, read, times, write
 from epuckhebb.controller.forward_pass import forward_pass
 from epuckhebb.controller.network import Network, by_layer, tanh
 from epuckhebb.controller.own_class import call_of, namedtuple_of, number
+from epuckhebb.controller.plasticity.control import NO_TRACKING, tracking_of
 from epuckhebb.controller.plasticity.rule import (
     EVERY_STEP,
     Normalise,
@@ -299,6 +300,7 @@ def update_of(rule: type[Rule], network: Network, schedule: Schedule = EVERY_STE
 
 def controller_parts(rule: type[Rule], network: Network, schedule: Schedule) -> dict[str, Any]:
     """The parts of a step that act and learn, by their names in a page such as `epuckhebb.tmaze.lifetime`."""
+    begin_updates, end_updates = tracking_of(network) if schedule.tracks else NO_TRACKING
     return {
         "SUBSTEPS": network.substeps,
         "HAS_RULE": rule is not NoRule,
@@ -307,4 +309,6 @@ def controller_parts(rule: type[Rule], network: Network, schedule: Schedule) -> 
         "modulate": modulation_of(rule, network),
         "is_due": pausing(rule, schedule),
         "learn": update_of(rule, network, schedule),
+        "begin_updates": begin_updates,
+        "end_updates": end_updates,
     }
