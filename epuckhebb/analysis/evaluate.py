@@ -32,7 +32,7 @@ _CONDITION = ("genome", "experiment", "scenario", "light", "obstacles", "control
 _REPEAT = ("side", "repeat", "seed")
 _PATH = ("time_to_goal_s", "path_length_m", "average_speed_m_s", "final_position_error_m")
 MEANS = (*_PATH, "weight_change_mean", "weight_change_final", "fitness", "contact_fraction", "saturated_fraction")
-COLUMNS = (*_CONDITION, *_REPEAT, "success", *MEANS[:-1], "changed", MEANS[-1])
+COLUMNS = (*_CONDITION, *_REPEAT, "success", *MEANS[:-1], "changed", MEANS[-1], "end")
 REWARDED = ("rewarded_share", "switch_trial")  # more columns, where a lifetime is many trials
 _TRIAL_OF = ("genome", "controller", *_REPEAT)
 Rows = list[dict[str, Any]]  # of a table; pandas takes a tenth of a second to load, and one evaluation needs none
@@ -117,6 +117,7 @@ def evaluate(
             **_metrics(outcome, lifetime),
             "changed": changed,
             "saturated_fraction": outcome.saturated_fraction,
+            "end": "" if outcome.end is None else outcome.end.value,
             **(_rewarded(outcome.trials) if scenario.task.has_trials else {}),
         }
         for (number, side, repeat), (outcome, _) in zip(wanted, outcomes, strict=True)

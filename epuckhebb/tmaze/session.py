@@ -78,6 +78,7 @@ class Session:
         self._space = self._phases[0].space
         self._space.place_robot(self._start)
         self._enter(self._phases.pop(0))
+        self._last_step = self.world, self.pose
 
     def _initial_life(self, world: Scenario) -> Life:
         """The lifetime before its first step; a ValueError if the individual's genes or signs do not fit."""
@@ -178,7 +179,8 @@ class Session:
         """The metrics of the lifetime so far, of one step or more."""
         at_start = min(math.dist(self._start[:2], goal) for goal in self._first.goals_now.values())
         bound = bound_of(self.individual.controller.rule)
-        return outcome_of(self.life, self.world, at_start, bound, self.pose)
+        world, pose = self._last_step  # since then, `change` may have moved goals or the robot
+        return outcome_of(self.life, world, self.individual.side, at_start, bound, pose)
 
     def _has_ended(self) -> bool:
         return len(self.life.trials) > 0 and bool(self.life.tally[0]["over"])
@@ -239,6 +241,7 @@ class Session:
             live(self.life, self.setup, self._space.handles, until)
         except Exception as error:  # machine code raises nothing, so it comes from compiling
             raise explained(own_parts(self.individual, self.world), error) from error
+        self._last_step = self.world, self.pose
         self._check()
 
     def _check(self) -> None:
