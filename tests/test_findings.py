@@ -214,6 +214,7 @@ def lifetimes(outcomes, repeats=3):
                 succeeds = repeat < successes
                 rows.append(
                     {"genome": genome, "experiment": "obstacles", "scenario": scenario, "controller": controller}
+                    | {"end": "right" if succeeds else "wrong"}
                     | {"N": rate, "side": side, "repeat": repeat, "success": int(succeeds)}
                     | {"time_to_goal_s": 100.0 if succeeds else math.nan, "path_length_m": 1.0}
                     | {"final_position_error_m": 0.03 if succeeds else 0.3, "weight_change_mean": 3.0 * (rate > 0)}

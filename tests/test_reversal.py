@@ -252,6 +252,7 @@ def test_from_evolve_to_show(champions):
     names = ["GA", "modulated", "modulated (reward inverted)"]
     assert list(rows.controller.unique()) == names
     assert len(rows) == 3 * 2 * 2
+    assert rows.end.isna().all()  # a lifetime of many trials has none
     assert len(trials) == len(rows) * 10
     assert (rows.groupby("repeat").switch_trial.nunique(dropna=False) == 1).all()  # both sides, all controllers
     assert rows.changed.unique().tolist() == ["task=reversal, task.time_out_s=2"]

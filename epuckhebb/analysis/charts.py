@@ -20,14 +20,16 @@ from epuckhebb.analysis.image import in_house_style, plain
 from epuckhebb.analysis.statistics import LEAST
 from epuckhebb.controller.network import initial_weights_of
 from epuckhebb.controller.plasticity.weight_change import saturated_fraction
-from epuckhebb.tmaze.individual import GA
+from epuckhebb.tmaze.individual import GA, HEBBIAN
 from epuckhebb.tmaze.robot import EPUCK
 from epuckhebb.tmaze.samples import Samples
+from epuckhebb.tmaze.scenario import TRAINED
 
 # The palette: a hue has one meaning.
 SIDE = {"left": "#0072B2", "right": "#D55E00"}
 EFFECT = {"rescued": "#009E73", "harmed": "#C2185B"}
 KIND = {"plain": "#8A9099", "evolved": "#22262B", "post_hoc": "#E69F00"}  # classes of methods
+END = {"right": EFFECT["rescued"], "wrong": EFFECT["harmed"], "elsewhere": "#D9DDE3"}
 WEIGHT = {"higher": "#6A3FB5", "lower": "#7D8500"}  # than the gene
 INK, SOFT = KIND["evolved"], KIND["plain"]
 SERIES = [(SOFT, "-"), (INK, "-"), (KIND["post_hoc"], "-"), (INK, "--"), (KIND["post_hoc"], "--"), (INK, ":")]
@@ -38,6 +40,7 @@ _DOSES = {
     "weight_change_mean": "weight change, mean of Σ|W − W_gene|",
     "saturated_fraction": "share of weights at the bound",
 }
+_ENDS = {"right": "right end", "wrong": "wrong end", "elsewhere": "elsewhere"}
 _CURVES = {"best_fitness": (INK, "-"), "mean_fitness": (SOFT, "--")}  # of an evolution
 _CURVES |= {"best_fitness_again": (KIND["post_hoc"], "-"), "best_fitness_rule_off": (KIND["post_hoc"], ":")}
 _PANELS = 4  # side by side
@@ -140,6 +143,71 @@ def rescue_and_harm(over_all: pd.DataFrame) -> Figure:
         axes.set_xlabel(f"{rescue.HARMED} (aim: 0)", color=EFFECT["harmed"])
     panels[0].set_ylabel(f"{rescue.RESCUED} (aim: 1)", color=EFFECT["rescued"])
     return figure
+
+
+_WORLDS = {"highlight": "bright light", "lowlight": "dimmed light", "base": "no obstacles"}
+_WORLDS |= {"2obstacles": "two obstacles", "4obstacles": "four obstacles"}
+_CONTROLLERS = {GA: "no plasticity", HEBBIAN: "Hebbian (the paper's)"}
+_LEAST_SHARE = 0.08  # of a bar that has room for its number
+
+
+@in_house_style()
+def ends(table: pd.DataFrame) -> Figure:
+    """The shares of trials that end right, wrong and elsewhere: a panel a world, a bar a controller, n in its title.
+
+    table: of `analysis.ends.ends`; its rows of all trials are drawn.
+    """
+    worlds = {
+        str(experiment): list(own.groupby("scenario", sort=False))
+        for experiment, own in table[table.among == "all"].groupby("experiment", sort=False)
+    }
+    wide = 2 if max(map(len, worlds.values())) > 1 else 1
+    grid = [(one, own[k : k + wide]) for one, own in worlds.items() for k in range(0, len(own), wide)]
+    bars = [max(len(own) for _, own in row) for _, row in grid]
+    figure = Figure(figsize=(5.4, 0.6 + sum(0.7 + 0.27 * count for count in bars)))
+    panels = figure.subplots(len(grid), wide, squeeze=False, sharex=True, height_ratios=bars)
+    for row, (experiment, shown) in zip(panels, grid, strict=True):
+        names = _bar_names(pd.concat(own for _, own in worlds[experiment]))
+        for axes in row[len(shown) :]:
+            axes.remove()
+        for axes, (scenario, own) in zip(row, shown, strict=False):
+            _draw_ends(axes, own)
+            trained = ", as in training" if scenario == TRAINED[experiment] else ""
+            n = " to ".join(map(str, sorted({own.trials.min(), own.trials.max()})))
+            axes.set_title(plain(f"{_WORLDS.get(str(scenario), str(scenario))}{trained}\nn = {n} trials"))
+            axes.set_yticks(range(len(own)), names[own.index] if axes is row[0] else [""] * len(own))
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return figure
+
+
+def _draw_ends(axes: Axes, own: pd.DataFrame) -> None:
+    """Draw a bar for each row, with the number of trials in each part that has room for it."""
+    start = np.zeros(len(own))
+    for end, colour in END.items():
+        shares, letters = (own[end] / own.trials).to_numpy(), "white" if end == "wrong" else INK
+        axes.barh(range(len(own)), shares, left=start, height=0.8, color=colour, edgecolor="white", label=_ENDS[end])
+        for place, count in enumerate(own[end]):
+            if shares[place] >= _LEAST_SHARE:
+                axes.text(start[place] + shares[place] / 2, place, count, color=letters, ha="center", va="center")
+        start += shares
+    axes.set(xlim=(0, 1), xticks=(0, 0.5, 1), xticklabels=("0", "½", "1"), xlabel="share of trials")
+    axes.invert_yaxis()
+
+
+def _bar_names(own: pd.DataFrame) -> "pd.Series[str]":
+    """The names of the rows of `ends.ends`: the controller, and what else differs."""
+    settings = own.columns[: own.columns.get_loc("among")].drop(["experiment", "scenario", "controller", "N"])
+    differ = [name for name in settings if own[own.controller != GA][name].nunique() > 1]
+    rates = own.groupby("controller").N.nunique()
+    names = [
+        ", ".join(
+            [_CONTROLLERS.get(row["controller"], row["controller"])]
+            + ([f"N = {row['N']:g}"] if rates[row["controller"]] > 1 else [])
+            + [f"{name} {row[name]}" for name in differ]
+        )
+        for row in own.to_dict("records")
+    ]
+    return pd.Series([plain(name) for name in names], own.index)
 
 
 def _name_points(axes: Axes, x: NDArray[np.float64], y: NDArray[np.float64], names: Sequence[str]) -> None:

@@ -34,7 +34,7 @@ _PATH = ("time_to_goal_s", "path_length_m", "average_speed_m_s", "final_position
 _FIRST = (*_PATH, "weight_change_mean", "weight_change_final", "fitness", "contact_fraction")
 _LATER = ("saturated_fraction", "weight_path")  # further means, after the column `changed`
 MEANS = (*_FIRST, *_LATER)
-COLUMNS = (*_CONDITION, *_REPEAT, "success", *_FIRST, "changed", *_LATER)
+COLUMNS = (*_CONDITION, *_REPEAT, "success", *_FIRST, "changed", *_LATER, "end")
 REWARDED = ("rewarded_share", "switch_trial")  # more columns, where a lifetime is many trials
 _TRIAL_OF = ("genome", "controller", *_REPEAT)
 Rows = list[dict[str, Any]]  # of a table; pandas takes a tenth of a second to load, and one evaluation needs none
@@ -120,6 +120,7 @@ def evaluate(
             "changed": changed,
             "saturated_fraction": outcome.saturated_fraction,
             "weight_path": outcome.weight_path if number else 0.0,
+            "end": "" if outcome.end is None else outcome.end.value,
             **(_rewarded(outcome.trials) if scenario.task.has_trials else {}),
         }
         for (number, side, repeat), (outcome, _) in zip(wanted, outcomes, strict=True)

@@ -1,10 +1,10 @@
-"""Findings over many champions: success, rescue and harm.
+"""Findings over many champions: success, ends, rescue and harm.
 
 `metrics` is the table of all lifetimes, with the columns of `epuckhebb.analysis.evaluate`; `genome` is the champion.
 All intervals and p values take champions as the independent unit: see `epuckhebb.analysis.statistics`.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,33 +12,41 @@ import pandas as pd
 
 from epuckhebb.analysis.statistics import bootstrap, mean, sign_flip, wilson_by_champion
 from epuckhebb.tmaze.individual import GA
+from epuckhebb.tmaze.outcome import End
 from epuckhebb.tmaze.scenario import TRAINED
 
 CHANGED = {"light": ("lowlight",), "obstacles": ("2obstacles", "4obstacles")}
 PAPER_N = {"light": 0.002, "obstacles": 0.000015}
+COUNTS = ("broken", "rescued", "broken_wrong", "broken_elsewhere", "broken_arrived", "intact", "harmed")
 TRIAL = ["genome", "side"]
 _CELL = ["experiment", "scenario", "controller", "N"]
+_MEANS = ["success", "time_to_goal_s", "path_length_m", "final_position_error_m", "weight_change_mean"]
 
 
-def trials(metrics: pd.DataFrame) -> pd.DataFrame:
+def trials(metrics: pd.DataFrame, settings: Sequence[str] = ()) -> pd.DataFrame:
     """One row for each trial (champion, side) and condition; the other columns are means over the repeats.
 
-    `succeeds`: whether more than half of the repeats succeed.
+    `succeeds`: whether more than half of the repeats succeed. `end`: where more than half of the repeats end, and
+    `elsewhere` if no end has so many. `arrived`: whether more than half of them reached the goal at any time. settings:
+    more columns that tell conditions apart.
     """
-    grouped = metrics.groupby([*_CELL, *TRIAL], sort=False)
-    means = grouped[
-        ["success", "time_to_goal_s", "path_length_m", "final_position_error_m", "weight_change_mean"]
-    ].mean()
-    means["succeeds"] = means.success > 0.5
-    return means.reset_index()
+    own = metrics.assign(_wrong=metrics.end == End.wrong, _arrived=metrics.time_to_goal_s.notna())
+    grouped = own.groupby([*dict.fromkeys([*settings, *_CELL, *TRIAL])], sort=False)
+    means = grouped[[*_MEANS, "_wrong", "_arrived"]].mean()
+    means["succeeds"], means["arrived"] = means.success > 0.5, means._arrived > 0.5
+    means["end"] = np.where(means.succeeds, End.right, np.where(means._wrong > 0.5, End.wrong, End.elsewhere))
+    return means.drop(columns=["_wrong", "_arrived"]).reset_index()
 
 
 def success(each: pd.DataFrame) -> pd.DataFrame:
     """Success of every condition over the champions: on the left, on the right, and on both sides.
 
-    `gained`: champions that succeed here and fail in the same world without plasticity.
+    `gained`: champions that succeed here and fail in the same world without plasticity. `wrong`: champions that end at
+    the goal of the other side.
     """
-    both = each.groupby([*_CELL, "genome"], sort=False, as_index=False).succeeds.all().assign(side="both")
+    each = each.assign(wrong=each.end == End.wrong)
+    sides = each.groupby([*_CELL, "genome"], sort=False, as_index=False)
+    both = sides[["succeeds", "wrong"]].all().assign(side="both")
     outcomes = pd.concat([each, both], ignore_index=True)
     trial = ["experiment", "scenario", *TRIAL]
     alone = outcomes[outcomes.controller == GA].set_index(trial).succeeds
@@ -48,17 +56,19 @@ def success(each: pd.DataFrame) -> pd.DataFrame:
         k, n = int(group.succeeds.sum()), len(group)
         low, high = wilson_by_champion(group.succeeds.to_numpy(np.int64), np.ones(n, np.int64))
         row = dict(zip([*_CELL, "side"], cell, strict=True)) | {"successes": k, "n": n, "share": k / n}
-        rows.append(row | {"low": low, "high": high, "gained": int(group.gained.sum())})
+        rows.append(row | {"low": low, "high": high} | group[["gained", "wrong"]].sum().to_dict())
     return pd.DataFrame(rows)
 
 
 def rescue_and_harm(each: pd.DataFrame) -> pd.DataFrame:
     """For each plasticity, rate and world: what happens to the trials that the GA solves in its training world.
 
-    broken: fail in the changed world without plasticity; rescued: of these, succeed with it. intact: succeed in the
-    changed world without plasticity; harmed: of these, fail with it. No trial is broken in the training world. The
-    intervals of shares are from `wilson_by_champion`. `difference` is success with plasticity minus success without,
-    over all trials of the world, solved or not, with a bootstrap interval; `sign_flip_p` is its exact p value.
+    broken: fail in the changed world without plasticity; rescued: of these, succeed with it. broken_wrong,
+    broken_elsewhere: of the broken, end there with it, by `trials`; broken_arrived: of the broken, reach the goal with
+    it at any time. intact: succeed in the changed world without plasticity; harmed: of these, fail with it. No trial is
+    broken in the training world. The intervals of shares are from `wilson_by_champion`. `difference` is success with
+    plasticity minus success without, over all trials of the world, solved or not, with a bootstrap interval;
+    `sign_flip_p` is its exact p value.
     """
     rows: list[dict[str, Any]] = []
     for experiment, kind, rate in _plasticities(each):
@@ -77,15 +87,20 @@ def rescue_and_harm(each: pd.DataFrame) -> pd.DataFrame:
 
 
 def _fates(each: pd.DataFrame, experiment: str, scenario: str, kind: str, rate: float) -> pd.DataFrame:
-    """Whether each trial is broken, rescued, intact, harmed: a column each, indexed by trial.
+    """Whether each trial is one of `COUNTS`: a column each, indexed by trial.
 
     A trial that the GA does not solve in its training world is none of these.
     """
     without = outcomes(each, experiment, scenario, GA, 0.0)
-    plastic = outcomes(each, experiment, scenario, kind, rate)
+    plastic, end, arrived = (
+        outcomes(each, experiment, scenario, kind, rate, column) for column in ("succeeds", "end", "arrived")
+    )
     solved = without.index.isin(solved_in_training(each, experiment))
     broken, intact = solved & ~without, solved & without
-    return pd.DataFrame({"broken": broken, "rescued": broken & plastic, "intact": intact, "harmed": intact & ~plastic})
+    fates = (plastic, end == End.wrong, end == End.elsewhere, arrived)
+    return pd.DataFrame(
+        dict(zip(COUNTS, (broken, *(broken & fate for fate in fates), intact, intact & ~plastic), strict=True))
+    )
 
 
 def _counts(by_champion: pd.DataFrame) -> dict[str, Any]:
@@ -107,7 +122,7 @@ def rescue_by_champion(each: pd.DataFrame) -> pd.DataFrame:
     """What happens to the trials of each champion in all changed worlds of an experiment together.
 
     `solves`: how many sides the GA solves in the training world; `training_harmed`: on how many of these the plasticity
-    fails there. broken, rescued, intact, harmed: see `rescue_and_harm`. The GA has rows, too; it rescues none.
+    fails there. `COUNTS`: see `rescue_and_harm`. The GA has rows, too; it rescues none.
     """
     rows = []
     for experiment, kind, rate in each[["experiment", "controller", "N"]].drop_duplicates().itertuples(index=False):
@@ -129,7 +144,7 @@ def rescue_over_all(by_champion: pd.DataFrame) -> pd.DataFrame:
     plastic = by_champion[by_champion.controller != GA]
     for cell, own in plastic.groupby(["experiment", "controller", "N"], sort=False):
         row = dict(zip(("experiment", "controller", "N"), cell, strict=True))
-        row |= _counts(own[["broken", "rescued", "intact", "harmed"]])
+        row |= _counts(own[list(COUNTS)])
         rows.append(row | {"training_harmed": own.training_harmed.sum(), "training_solved": own.solves.sum()})
     return pd.DataFrame(rows)
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from epuckhebb.analysis.evaluate import COLUMNS
+from epuckhebb.analysis.evaluate import COLUMNS, MEANS, REWARDED
 from epuckhebb.tmaze.individual import GA
 
 ANY = "any"  # the value of a setting of plasticity in the rows of the GA
@@ -75,6 +75,12 @@ def gather(evaluations: Sequence[Evaluated]) -> Gathered:
     again = whole.duplicated([name for name in _LIFETIME if name in whole])  # an environment has no sides
     rows = whole[~again].drop(columns="_id").reset_index(drop=True)
     return Gathered(rows, list(dict.fromkeys(map(_column, keys))))
+
+
+def numeric(rows: pd.DataFrame) -> pd.DataFrame:
+    """The same lifetimes, with the numbers of their measures and N in place of text."""
+    names = [name for name in ("N", "success", *REWARDED[:1], *MEANS) if name in rows]
+    return rows.assign(**{name: pd.to_numeric(rows[name]) for name in names})
 
 
 def _where(one: Evaluated) -> str:

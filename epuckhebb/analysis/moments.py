@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.tmaze.maze import Side
+from epuckhebb.tmaze.maze import SIDES, Side
 from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.scenario import Scenario
 
@@ -15,15 +15,19 @@ class Arrival(NamedTuple):
     """Whether and when a robot reached its goal; if goals move, the goal of that moment.
 
     time: when the robot was first at the goal [s], None if never. stayed: whether it was there at the last sample.
+    wrong: whether it was at the goal of the other side then, and not at its own.
     """
 
     time: float | None
     stayed: bool
+    wrong: bool
 
     @property
     def text(self) -> str:
         """In a few words."""
-        return "at the goal" if self.stayed else "did not arrive" if self.time is None else "was at the goal, drove on"
+        if self.stayed or self.wrong:
+            return "at the goal" if self.stayed else "at the wrong goal"
+        return "did not arrive" if self.time is None else "was at the goal, drove on"
 
 
 def change_text(change: Mapping[str, Any]) -> str:
@@ -60,6 +64,10 @@ def with_gaps(
 def arrival(samples: Samples, scenario: Scenario, side: Side) -> Arrival:
     """When and whether a robot of a recorded lifetime arrived, to the sample; metrics have it to the step."""
     phases = np.searchsorted(samples.phase_began, samples.time, side="right") - 1  # nan sorts last
-    goals = np.array([world.goals_now[side] for _, world in scenario.phases])[np.maximum(phases, 0)]
-    inside = np.hypot(*(samples.pose[:, :2] - goals).T) < scenario.maze.goal_radius_m
-    return Arrival(float(samples.time[inside.argmax()]) if inside.any() else None, bool(inside[-1]))
+    inside = {}
+    for end in SIDES:
+        goals = np.array([world.goals_now[end] for _, world in scenario.phases])[np.maximum(phases, 0)]
+        inside[end] = np.hypot(*(samples.pose[:, :2] - goals).T) < scenario.maze.goal_radius_m
+    own, (other,) = inside.pop(side), inside.values()
+    time = float(samples.time[own.argmax()]) if own.any() else None
+    return Arrival(time, bool(own[-1]), bool(other[-1] and not own[-1]))

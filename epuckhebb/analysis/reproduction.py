@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from epuckhebb.analysis import claims, findings, published, rescue, summary
+from epuckhebb.analysis import claims, ends, findings, published, rescue, summary
 from epuckhebb.analysis.claims import RULE
 from epuckhebb.analysis.evaluate import evaluate
 from epuckhebb.analysis.findings import PAPER_N
@@ -91,6 +91,7 @@ def markdown(
             "### Rescue and harm\n",
             f"{RESCUE_TEXT}\n",
             rescue_table(tables["rescue_and_harm"]).markdown(),
+            ends.markdown(_at_paper_rates(tables["ends"])),
         ]
     return "\n".join([*parts, "## Figures\n", *pictures(captions)])
 
@@ -135,6 +136,7 @@ def tables_of(metrics: pd.DataFrame, paper: Mapping[str, Any]) -> dict[str, pd.D
         "success": findings.success(each),
         "rescue_and_harm": findings.rescue_and_harm(each),
         "rescue_over_all": findings.rescue_over_all(by_champion),
+        **ends.tables(metrics),
         "comparison": published.compare(published.published_values(paper), each, shown),
     } | ({} if doses is None else {"doses": doses})
 
@@ -227,7 +229,8 @@ def success_table(success: pd.DataFrame, controllers: Collection[str] = (GA, *CO
     for (experiment, scenario, controller), group in own.groupby(["experiment", "scenario", "controller"], sort=False):
         sides = group.set_index("side")
         cells = [
-            f"{sides.successes[side]} of {sides.n[side]}: {with_interval(sides.loc[side], 'share')}"
+            f"{sides.successes[side]} of {sides.n[side]}: {with_interval(sides.loc[side], 'share')}; "
+            f"wrong end {sides.wrong[side]}"
             for side in ("left", "right", "both")
         ]
         rows.append([experiment, scenario, rescue.label(controller, group.N.iloc[0]), *cells])
@@ -247,4 +250,4 @@ def rescue_table(harm: pd.DataFrame) -> Table:
         + ["–" if np.isnan(p) else f"{p:.2g}"]
         for row, p in zip(shown.itertuples(), holm(shown.sign_flip_p.tolist()), strict=True)
     ]
-    return Table(["scenario", "plasticity", rescue.RESCUED, rescue.HARMED, "difference", "p (Holm)"], rows)
+    return Table(["scenario", "plasticity", rescue.RESCUED, rescue.ENDS, rescue.HARMED, "difference", "p (Holm)"], rows)

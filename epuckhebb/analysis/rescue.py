@@ -11,9 +11,12 @@ if TYPE_CHECKING:
 
 FIGURE = "rescue_and_harm.png"
 RESCUED, HARMED = "rescued, of the trials that the change broke", "harmed, of those still intact"
+ENDS = "ends of the broken: right, wrong, elsewhere"
 COUNTED = (
     "Only trials that the GA solves in the training world count. A changed world *breaks* some of them; plasticity "
-    "*rescues* some of the broken trials. The other trials stay *intact*; plasticity *harms* some of these."
+    "*rescues* some of the broken trials. The other trials stay *intact*; plasticity *harms* some of these. A broken "
+    "trial that ends *wrong*, at the goal of the other side, stands beside the rescued ones: a robot that drives to "
+    "either end without regard to the lamp has as many of both."
 )
 
 
@@ -50,7 +53,7 @@ def markdown(
             f"## The {experiment} experiment\n",
             f"Training world: {training}. Changed worlds: {changes}.\n",
             over_all_table(own).markdown(),
-            "### Each world: rescued/broken, harmed/intact\n",
+            "### Each world: rescued/wrong end/broken, harmed/intact\n",
             _by_scenario(own_scenarios).markdown(),
         ]
     parts.append(f'<img src="figures/{FIGURE}" alt="Rescue and harm of each plasticity, with intervals">\n')
@@ -64,15 +67,16 @@ def over_all_table(own: "pd.DataFrame") -> Table:
         for row in own.itertuples()
     ]
     title = f"The {own.experiment.iloc[0]} experiment (95 % interval over champions)"
-    return Table(["plasticity", RESCUED, HARMED, "harmed in the training world"], rows, title)
+    return Table(["plasticity", RESCUED, ENDS, HARMED, "harmed in the training world"], rows, title)
 
 
 def counts(row: Any) -> list[str]:
-    """The cells below `RESCUED` and `HARMED`; row: of `findings.rescue_over_all` or `rescue_and_harm`."""
+    """The cells below `RESCUED`, `ENDS` and `HARMED`; row: of `findings.rescue_over_all` or `rescue_and_harm`."""
     cells = []
     for part, whole in (("rescued", "broken"), ("harmed", "intact")):
         text = f"{getattr(row, part)} of {getattr(row, whole)}"
         cells.append(f"{text}: {with_interval(row, f'{part}_share')}" if getattr(row, whole) else text)
+    cells.insert(1, f"{row.rescued}, {row.broken_wrong}, {row.broken_elsewhere}")
     return cells
 
 
@@ -81,7 +85,7 @@ def _by_scenario(own: "pd.DataFrame") -> Table:
     own = own.assign(
         plasticity=[plain(label(row.controller, row.N)) for row in own.itertuples()],
         scenario=own.scenario.map(plain),
-        cell=[f"{row.rescued}/{row.broken}, {row.harmed}/{row.intact}" for row in own.itertuples()],
+        cell=[f"{row.rescued}/{row.broken_wrong}/{row.broken}, {row.harmed}/{row.intact}" for row in own.itertuples()],
     )
     down, across = sorted(("plasticity", "scenario"), key=lambda name: own[name].nunique(), reverse=True)
     cells = own.set_index([down, across]).cell.unstack(across)[own[across].unique()].loc[own[down].unique()]

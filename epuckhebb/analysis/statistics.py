@@ -162,8 +162,13 @@ def holm(p: Sequence[float]) -> NDArray[np.float64]:
     return corrected
 
 
-def bootstrap(statistic: Statistic, *groups: NDArray[np.float64], seed: int = 0) -> tuple[float, float]:
-    """95 % percentile bootstrap interval of a statistic of champions; those of each group are resampled apart.
+def bootstrap(
+    statistic: Statistic,
+    *groups: NDArray[np.float64],
+    seed: int = 0,
+    percentiles: tuple[float, float] = (2.5, 97.5),
+) -> tuple[float, float]:
+    """Percentile bootstrap interval of a statistic of champions; those of each group are resampled apart.
 
     Champions without a value (nan) are left out. Where all have the same value, no resample has another: nothing is
     then known of the width.
@@ -175,6 +180,7 @@ def bootstrap(statistic: Statistic, *groups: NDArray[np.float64], seed: int = 0)
         statistic: of resamples of each group, (resamples, champions) each; gives (resamples,).
         groups: one value for each champion, (champions,) each.
         seed: of the resampling.
+        percentiles: of the interval, which is one of 95 % unless others are given.
 
     Returns:
         Lower and upper end; (nan, nan) if a group has fewer than `LEAST` values, or if all agree.
@@ -184,7 +190,7 @@ def bootstrap(statistic: Statistic, *groups: NDArray[np.float64], seed: int = 0)
         return _UNKNOWN
     rng = random.rng(seed, Stream.bootstrap)
     drawn = [values[rng.integers(0, len(values), (RESAMPLES, len(values)))] for values in known]
-    low, high = np.percentile(statistic(*drawn), [2.5, 97.5])
+    low, high = np.percentile(statistic(*drawn), percentiles)
     return (float(low), float(high)) if low < high else _UNKNOWN
 
 

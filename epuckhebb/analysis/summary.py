@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from epuckhebb.analysis import findings, rescue
+from epuckhebb.analysis import ends, findings, rescue
 from epuckhebb.analysis.evaluate import MEANS
-from epuckhebb.analysis.lifetimes import is_of_plasticity
+from epuckhebb.analysis.lifetimes import is_of_plasticity, numeric
 from epuckhebb.analysis.statistics import LEAST, bootstrap, mean, wilson, wilson_by_champion
 from epuckhebb.analysis.tables import Table, code, plain, with_interval
 from epuckhebb.tmaze.individual import GA
@@ -34,7 +34,7 @@ def summary(rows: pd.DataFrame, settings: list[str]) -> pd.DataFrame:
     differ in their random numbers. The interval (Wilson, 95 %) is therefore about the noise, for this one champion.
     """
     by = list(dict.fromkeys([*settings, "genome", "scenario", "controller", "N", "side"]))
-    means = [*MEANS, *_rewarded(rows)]
+    means = [*MEANS, *([_REWARDED] if has_trials(rows) else [])]
     rows = rows.assign(**{name: pd.to_numeric(rows[name]) for name in ("success", *means)})
     found: list[dict[str, Any]] = []
     for condition, lifetimes in rows.groupby(by, sort=False):
@@ -54,24 +54,20 @@ def over_champions(rows: pd.DataFrame, settings: list[str]) -> pd.DataFrame:
     """One row for each condition, controller and side: means over champions, with 95 % bootstrap intervals."""
     by = list(dict.fromkeys([*(key for key in settings if key != "genome"), "scenario", "controller", "N", "side"]))
     return pd.DataFrame(
-        dict(zip(by, condition, strict=True)) | _means(own) for condition, own in _numeric(rows).groupby(by, sort=False)
+        dict(zip(by, condition, strict=True)) | _means(own) for condition, own in numeric(rows).groupby(by, sort=False)
     )
 
 
-def _numeric(rows: pd.DataFrame) -> pd.DataFrame:
-    return rows.assign(**{name: pd.to_numeric(rows[name]) for name in ("N", *_MEANS, *MEANS) if name in rows})
-
-
-def _rewarded(rows: pd.DataFrame) -> list[str]:
-    """The column of rewarded shares, if a lifetime is many trials."""
-    return [_REWARDED] if _REWARDED in rows and rows[_REWARDED].notna().any() else []
+def has_trials(rows: pd.DataFrame) -> bool:
+    """Whether a lifetime is many trials: it has a rewarded share, and no end."""
+    return _REWARDED in rows and bool(rows[_REWARDED].notna().any())
 
 
 def _means(lifetimes: pd.DataFrame, *, several: bool = True) -> dict[str, float]:
     """Means over champions and their intervals; for one champion, over its lifetimes, and about the noise."""
     means: dict[str, float] = {"champions": lifetimes.genome.nunique(), "lifetimes": len(lifetimes)}
     for column in _MEANS:
-        if column == _REWARDED and not _rewarded(lifetimes):
+        if column == _REWARDED and not has_trials(lifetimes):
             continue
         values = lifetimes.groupby("genome", sort=False)[column].mean() if several else lifetimes[column]
         each = values.to_numpy(float)
@@ -88,11 +84,11 @@ def dose_response(rows: pd.DataFrame, settings: list[str]) -> pd.DataFrame | Non
 
     `genome`: the champion; empty for means over several.
     """
-    rows = _numeric(rows)
+    rows = numeric(rows)
     plastic = rows[(rows.controller != GA) & (rows.N > 0)]
     swept = plastic.groupby("controller").N.nunique()
     plastic = plastic[plastic.controller.isin(swept[swept > 1].index)]
-    if "N" not in settings or not len(plastic) or _rewarded(rows):  # such a task has no success at one goal
+    if "N" not in settings or not len(plastic) or has_trials(rows):  # such a task has no success at one goal
         return None
     several = has_champions(rows)
     differ = [key for key in settings if key not in ("N", "genome") and plastic[key].nunique() > 1]
@@ -126,12 +122,12 @@ def rescue_and_harm(rows: pd.DataFrame) -> tuple[dict[str, pd.DataFrame], str] |
     None unless each of several champions ran once in its training world and in changed worlds.
     """
     plastic = rows.controller != GA
-    if not has_champions(rows) or not plastic.any() or _rewarded(rows) or rows.duplicated(_TRIAL).any():
+    if not has_champions(rows) or not plastic.any() or has_trials(rows) or rows.duplicated(_TRIAL).any():
         return None
     visited = rows.groupby(["experiment", "genome"]).scenario.agg(set)
     if not all(TRAINED[experiment] in worlds and len(worlds) > 1 for (experiment, _), worlds in visited.items()):
         return None
-    lifetimes = _numeric(rows)
+    lifetimes = numeric(rows)
     each = findings.trials(lifetimes)
     by_champion, by_scenario = findings.rescue_by_champion(each), findings.rescue_and_harm(each)
     over_all = findings.rescue_over_all(by_champion)
@@ -143,10 +139,10 @@ def rescue_and_harm(rows: pd.DataFrame) -> tuple[dict[str, pd.DataFrame], str] |
 
 
 def readable(tables: Mapping[str, pd.DataFrame]) -> list[Table]:
-    """The tables to read: the success of each condition, over champions if there are several; rescue and harm.
+    """The tables to read: success of each condition, over champions if there are several; ends; rescue and harm.
 
-    tables: those of `summary`, `over_champions` and `rescue_and_harm` by name, as far as they are there. A long table
-    of success is left out where there is rescue and harm.
+    tables: those of `summary`, `over_champions`, `ends` and `rescue_and_harm` by name, as far as they are there. Long
+    tables of success and ends are left out where there is rescue and harm.
     """
     harm = []
     if "rescue_over_all" in tables:
@@ -157,7 +153,8 @@ def readable(tables: Mapping[str, pd.DataFrame]) -> list[Table]:
     else:
         own = tables["summary"].rename(columns={f"success_noise_{end}": f"success_{end}" for end in ("low", "high")})
         success = _success_table(own, "{} lifetimes each", ": noise only, this champion")
-    return harm if harm and len(own) > _MOST else [*success, *harm]
+    at_end = ends.readable(tables["ends"]) if "ends" in tables else []
+    return harm if harm and len(own) > _MOST else [*success, *at_end, *harm]
 
 
 def _success_table(summary: pd.DataFrame, of: str, interval_is: str) -> list[Table]:
@@ -174,7 +171,7 @@ def _success_table(summary: pd.DataFrame, of: str, interval_is: str) -> list[Tab
     alike = {tuple(of_plasticity[name].factorize()[0]): name for name in differ if name not in apart}
     shown = [*alike.values(), "controller"]  # of columns that tell the same, the last: a genome is known by its name
     same = summary.n.nunique() == 1
-    rewarded = bool(_rewarded(summary))
+    rewarded = has_trials(summary)
     has_interval = not rewarded or f"{_REWARDED}_low" in summary
     known = summary[f"{_REWARDED if rewarded else 'success'}_low"].notna().any() if has_interval else False
     rows: dict[tuple[str, ...], dict[str, str]] = {}

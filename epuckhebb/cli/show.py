@@ -13,6 +13,7 @@ from epuckhebb.analysis.tables import unmarked
 from epuckhebb.cli.console import print_line, print_table, print_text
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Genome, Run, below_runs, load_genome, of_multirun, resolve_run
+from epuckhebb.tmaze.outcome import End
 
 if TYPE_CHECKING:
     from epuckhebb.studies.study import Study
@@ -42,6 +43,8 @@ def print_evaluation(run: Run, console: Console) -> None:
         if drove_on:
             of = f"{drove_on} of {len(metrics)} lifetimes"
             print_line(console, f"{of} reached the goal and drove on; success counts at the end.")
+        if wrong := sum(row["end"] == End.wrong for row in metrics):
+            print_line(console, f"{wrong} of {len(metrics)} lifetimes end at the wrong goal.")
     for note in below:
         print_text(console, Text(note))
 

@@ -153,7 +153,9 @@ class Reproduction(ChampionStudy):
             return replace(there.world, physics=part_from("physics", self.physics, "physics")), there.lifetime
 
         signals = {one: self.signal.of(one) for one in shown}
-        tables = {name: run.table(f"{name}.csv") for name in ("doses", "rescue_over_all") if run.has(f"{name}.csv")}
+        tables = {
+            name: run.table(f"{name}.csv") for name in ("doses", "rescue_over_all", "ends") if run.has(f"{name}.csv")
+        }
         return reproduction.figures_of(tables, shown, signals, world, histories, self.seed)
 
     def page(self, run: Run, captions: Mapping[str, str]) -> str:
@@ -162,7 +164,7 @@ class Reproduction(ChampionStudy):
         who = f"{self.champions} champions of each experiment, evolved from seeds {self.first_seed} to {last}"
         if self.given:
             who = f"genome {code(self.given.name)} (SHA-256 {self.given.sha256[:16]}…)"
-        names = ["claims", "success", "rescue_and_harm", "comparison"]
+        names = ["claims", "success", "rescue_and_harm", "ends", "comparison"]
         return reproduction.markdown(
             {name: run.table(f"{name}.csv") for name in names},
             _paper(),

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
 
-from epuckhebb.analysis import environments, evolutions, summary
+from epuckhebb.analysis import ends, environments, evolutions, summary
 from epuckhebb.analysis.lifetimes import Evaluated, Gathered, gather
 from epuckhebb.analysis.tables import Table
 from epuckhebb.config import (
@@ -113,7 +113,7 @@ class Sweep(Study):
     @classmethod
     def shown(cls, run: Run) -> list[Table]:
         """See `Study`."""
-        files = {name: f"{name}.csv" for name in ("summary", "over_champions", "rescue_over_all")}
+        files = {name: f"{name}.csv" for name in ("summary", "over_champions", "rescue_over_all", "ends")}
         if "return" in (own := run.table("summary.csv")):
             effects = [environments.readable_effects(run.table("effects.csv"))] if run.has("effects.csv") else []
             of = "champions" if (own.champions > 1).any() else "lifetimes of a champion"
@@ -217,6 +217,7 @@ def figures(run: Run) -> dict[str, "Figure"]:
     drawn = {
         "dose_response": ("doses.csv", charts.dose_response),
         "rescue_and_harm": ("rescue_over_all.csv", charts.rescue_and_harm),
+        "ends": ("ends.csv", charts.ends),
         "returns": ("effects.csv", lambda _: charts.returns(run.table("summary.csv"))),
     }
     return {name: draw(run.table(file)) for name, (file, draw) in drawn.items() if run.has(file)}
@@ -234,11 +235,13 @@ def _write_over_all(folder: Path, write: Callable[[str, Content], None], gathere
             return
         if summary.has_champions(rows):
             tables["over_champions"] = summary.over_champions(rows, settings)
+            if not summary.has_trials(rows):
+                tables |= ends.tables(rows, settings)
         if (doses := summary.dose_response(rows, settings)) is not None:
             tables["doses"] = doses
         if (harm := summary.rescue_and_harm(rows)) is not None:
             tables |= harm[0]
-            write("report.md", harm[1])
+            write("report.md", "\n".join([harm[1], ends.markdown(tables["ends"])]))
     for name, table in tables.items():
         write(f"{name}.csv", table)
     _draw(folder, write)

@@ -85,6 +85,7 @@ class Session:
         self._space = self._phases[0].space
         self._space.place_robot(self._start)
         self._enter(self._phases.pop(0))
+        self._last_step = self.world, self.pose
 
     def _initial_life(self, world: Scenario) -> Life:
         """The lifetime before its first step; a ValueError if the individual's genes or signs do not fit."""
@@ -201,7 +202,8 @@ class Session:
         """The metrics of the lifetime so far, of one step or more."""
         at_start = min(math.dist(self._start[:2], goal) for goal in self._first.goals_now.values())
         bound = bound_of(self.individual.controller.rule)
-        return outcome_of(self.life, self.world, at_start, bound, self.pose)
+        world, pose = self._last_step  # since then, `change` may have moved goals or the robot
+        return outcome_of(self.life, world, self.individual.side, at_start, bound, pose)
 
     def _lead(self, until: int) -> None:
         """Run the master until before a step; where it ends earlier, its weights no longer change."""
@@ -270,6 +272,7 @@ class Session:
             live(self.life, self.setup, self._space.handles, until)
         except Exception as error:  # machine code raises nothing, so it comes from compiling
             raise explained(own_parts(self.individual, self.world), error) from error
+        self._last_step = self.world, self.pose
         self._check()
 
     def _check(self) -> None:

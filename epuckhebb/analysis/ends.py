@@ -1,0 +1,171 @@
+"""Ends over many champions: at which goal robots are at the last step, and whether the lamp has to do with it.
+
+A robot that drives to the end of an arm is at its goal by chance in about half of the trials. So the right ends of a
+plasticity rule say little without its wrong ones: those at the goal of the other side.
+
+All begin with `trials`, of the rows of `epuckhebb.analysis.lifetimes.gather`; `genome` is the champion. `settings` are
+the columns that name a condition. A trial is one champion on one side, and has the end of most of its repeats: see
+`epuckhebb.analysis.findings.trials`. Champions are the independent unit of intervals and p values.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from epuckhebb.analysis import findings
+from epuckhebb.analysis.lifetimes import is_of_plasticity, numeric
+from epuckhebb.analysis.rescue import label
+from epuckhebb.analysis.statistics import bootstrap, mean, sign_flip
+from epuckhebb.analysis.tables import Table, plain, with_interval
+from epuckhebb.tmaze.individual import GA
+from epuckhebb.tmaze.maze import SIDES
+from epuckhebb.tmaze.outcome import End
+from epuckhebb.tmaze.scenario import TRAINED
+
+ALL, BROKEN, INTACT, UNSOLVED = "all", "broken", "intact", "unsolved"
+MEANING = (
+    "A trial ends *right* within 5 cm of its goal at the last step, *wrong* within 5 cm of the goal of the other side, "
+    "*elsewhere* if it does neither; it has the end of more than half of its repeats, and *elsewhere* without such. It "
+    "*arrived* if more than half of them reached the goal at any time. *Right less wrong* is a mean over champions: 0 "
+    "if the end is chance."
+)
+_CELL = ("experiment", "scenario", "controller", "N")
+_OF_SCENARIO = ("light", "obstacles")  # with `scenario.*`, keys of the world that a scenario names
+_PERCENTILES = {"": (2.5, 97.5), "_90": (5.0, 95.0)}
+_COUNTED = [End.right.value, End.wrong.value, End.elsewhere.value, "arrived"]
+
+
+def trials(rows: pd.DataFrame, settings: Sequence[str] = ()) -> pd.DataFrame:
+    """One row for each condition, champion and side: `end`, `arrived` and `fate`.
+
+    `fate`: what the world does to the trial without plasticity. `broken`: solved in the training world, but not here;
+    `intact`: solved in both; `unsolved`: not solved in the training world; empty where the rows do not hold the
+    training world with the same settings, or where keys of a scenario vary one by one.
+    """
+    conditions = [key for key in settings if key not in ("genome", "N")]
+    each = findings.trials(numeric(rows), conditions)
+    world = [key for key in conditions if not is_of_plasticity(key) and key != "scenario"]
+    trial = [*dict.fromkeys([*world, "experiment", *findings.TRIAL])]
+    alone = each[each.controller == GA]
+    here = alone.set_index([*trial, "scenario"]).succeeds
+    in_training = alone[alone.scenario == alone.experiment.map(TRAINED)].set_index(trial).succeeds
+    if any(key in _OF_SCENARIO or key.startswith("scenario.") for key in world):
+        in_training = in_training[:0]
+    solved = in_training.reindex(pd.MultiIndex.from_frame(each[trial])).to_numpy()
+    stays = here.reindex(pd.MultiIndex.from_frame(each[[*trial, "scenario"]])).to_numpy()
+    fates = [solved == False, stays == True, stays == False]  # noqa: E712  # where unknown, none is so
+    each["fate"] = np.where(pd.isna(solved), "", np.select(fates, [UNSOLVED, INTACT, BROKEN], ""))
+    return each[[*dict.fromkeys([*conditions, *_CELL]), *findings.TRIAL, "end", "arrived", "fate"]]
+
+
+def by_champion(each: pd.DataFrame) -> pd.DataFrame:
+    """One row for each condition and champion: how many of its trials end where, and the end and fate of each side.
+
+    each: of `trials`.
+    """
+    by = [*each.columns[: each.columns.get_loc("side")]]
+    counts = _counted(each).groupby(by, sort=False)[_COUNTED].sum()
+    sides = each.set_index([*by, "side"])[["end", "arrived", "fate"]].unstack("side").reindex(counts.index)
+    sides.columns = pd.Index([f"{column}_{side}" for column, side in sides])
+    return counts.join(sides).reset_index()
+
+
+def _counted(each: pd.DataFrame) -> pd.DataFrame:
+    return each.assign(**{end.value: each.end == end for end in End})
+
+
+def ends(each: pd.DataFrame) -> pd.DataFrame:
+    """One row for each condition and `among`: how many trials end right, wrong and elsewhere, and how many arrived.
+
+    A trial that ends right has arrived and stayed. `among`: `all` trials, or those of a fate. `right_less_wrong`: right
+    less wrong ends of a champion, as a mean over the `champions` that have such trials: 0 if the end is chance, -2 to 2
+    for two sides. It has 95 % and 90 % bootstrap intervals; `sign_flip_p` is its exact two-sided p value.
+
+    each: of `trials`.
+    """
+    return pd.DataFrame(list(_ends(_counted(each))))
+
+
+def _ends(each: pd.DataFrame) -> Iterator[dict[str, Any]]:
+    by = [*each.columns[: each.columns.get_loc("genome")]]
+    for condition, here in each.groupby(by, sort=False):
+        for among in (ALL, BROKEN, INTACT, UNSOLVED):
+            own = here if among == ALL else here[here.fate == among]
+            if own.empty:
+                continue
+            of_champion = own.groupby("genome", sort=False)[_COUNTED].sum()
+            less = of_champion[End.right] - of_champion[End.wrong]
+            row = dict(zip(by, condition, strict=True)) | {"among": among, "trials": len(own)}
+            row |= of_champion.sum().to_dict() | {"champions": len(less), "right_less_wrong": less.mean()}
+            for name, percentiles in _PERCENTILES.items():
+                low, high = bootstrap(mean, less.to_numpy(float), percentiles=percentiles)
+                row |= {f"right_less_wrong{name}_low": low, f"right_less_wrong{name}_high": high}
+            yield row | {"sign_flip_p": sign_flip(less.to_numpy(np.int64))}
+
+
+def discrimination(each: pd.DataFrame) -> pd.DataFrame:
+    """One row for each condition: champions that end right on both sides, wrong on both, and how many by chance.
+
+    A robot that can tell the sides ends right on both. `right_left`, `right_right`, `right_both`: champions that end
+    right on the left side, on the right, on both; `right_expected`: on both, if the sides of a champion were
+    independent, which is the product of the sides' shares times the champions. So for `wrong`.
+
+    each: of `trials`; champions with one side alone do not count.
+    """
+    by = [*each.columns[: each.columns.get_loc("genome")]]
+    in_order = pd.MultiIndex.from_frame(each[[*by, "genome"]].drop_duplicates())
+    sides = each.set_index([*by, *findings.TRIAL]).end.unstack("side").reindex(in_order).dropna()
+    rows = []
+    for condition, own in sides.groupby(by, sort=False):
+        row: dict[str, Any] = dict(zip(by, condition, strict=True)) | {"champions": len(own)}
+        for end in (End.right, End.wrong):
+            left, right = (own[side] == end for side in SIDES)
+            row |= {f"{end}_left": left.sum(), f"{end}_right": right.sum(), f"{end}_both": (left & right).sum()}
+            row[f"{end}_expected"] = left.sum() * right.sum() / len(own)
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def tables(rows: pd.DataFrame, settings: Sequence[str] = ()) -> dict[str, pd.DataFrame]:
+    """All tables of ends by their names, of rows and settings as for `trials`."""
+    each = trials(rows, settings)
+    return {"ends": ends(each), "ends_by_champion": by_champion(each), "discrimination": discrimination(each)}
+
+
+def markdown(table: pd.DataFrame) -> str:
+    """A section of a page: what ends are, and the tables of `readable`. table: of `ends`."""
+    return "\n".join(["## Ends\n", f"{MEANING}\n", *(f"{one.title}:\n\n{one.markdown()}" for one in readable(table))])
+
+
+def readable(table: pd.DataFrame) -> list[Table]:
+    """A table to read for each experiment, of all trials: a row for each world and controller. table: of `ends`."""
+    return [_of_experiment(str(name), own) for name, own in table[table.among == ALL].groupby("experiment", sort=False)]
+
+
+def _of_experiment(experiment: str, own: pd.DataFrame) -> Table:
+    settings = own.columns[: own.columns.get_loc("among")].difference(_CELL, sort=False)
+    shown = [name for name in settings if own[name].nunique() > 1]
+    headings = [
+        *map(plain, shown),
+        "scenario",
+        "controller",
+        "trials",
+        "right end",
+        "wrong end",
+        "elsewhere",
+        "arrived",
+    ]
+    rows = [
+        [
+            *(plain(str(value)) for value in place),
+            plain(row.scenario),
+            plain(label(row.controller, row.N)),
+            *(str(getattr(row, name)) for name in ("trials", *_COUNTED)),
+            with_interval(row, "right_less_wrong", "+.2f"),
+        ]
+        for place, row in zip(own[shown].itertuples(index=False), own.itertuples(), strict=True)
+    ]
+    title = f"Ends of the {experiment} experiment (right less wrong: of a champion, 95 % interval over champions)"
+    return Table([*headings, "right less wrong"], rows, title, text=len(shown) + 2)
