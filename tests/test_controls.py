@@ -148,7 +148,8 @@ def test_five_draws_differ_and_no_seed_changes_one(genomes, control):
                 assert (layer != np.arange(first, first + count)).any()
 
 
-def test_tables_have_the_controls_and_the_total_change(here):
+@pytest.mark.usefixtures("here")
+def test_tables_have_the_controls_and_the_total_change():
     words = ["hebbian.control=yoked_sign", "compare.rule={control: none}", "compare.shuffled={sign: shuffled}"]
     words += ["compare.places={control: yoked_place, sign_draw: 4}", "scenario=lowlight", *SHORT, "figures=none"]
     done("evaluate", *words, "hydra.run.dir=run")
@@ -187,7 +188,7 @@ def test_what_cannot_be_is_refused(here, words, key):
     assert not (here / "run").exists()
 
 
-def test_draws_are_refused_for_a_genome_that_has_signs_of_its_own(genomes):
+def test_draws_are_refused_for_a_genome_that_has_signs_of_its_own():
     own = replace(load_genome("reference", "obstacles"), signs=np.ones(234))
     for words, fits in ((["hebbian.sign_draw=0"], True), (["hebbian.sign_draw=1"], False)):
         config = load(EvaluateConfig, ["hebbian.sign=shuffled", *words])
@@ -198,7 +199,8 @@ def test_draws_are_refused_for_a_genome_that_has_signs_of_its_own(genomes):
                 prepare_evaluation(config, own)
 
 
-def test_random_genomes_are_those_of_their_numbers(here):
+@pytest.mark.usefixtures("here")
+def test_random_genomes_are_those_of_their_numbers():
     first, other = (load_genome(name, "light") for name in ("random_1", "random_2"))
     assert first.genes.shape == (234,)
     assert first.sha256 == load_genome("random_1", "obstacles").sha256 != other.sha256

@@ -109,9 +109,9 @@ def load_genome(where: str, experiment: str, shape: tuple[int, ...] | Wiring | N
 
     Args:
         where: `reference` (the bundled champion of this experiment), `reference_7` (the champion of seed 7 in the
-            reference results; `reference_ode_301` was evolved with `physics=ode`), `random_7` (genes drawn by the number
-            7, uniform in +-1 as those of a first generation), a run folder with a `champion.npz`, or a `.npz` or `.npy` file with as many numbers as the network has weights, 234 in the
-            paper.
+            reference results; `reference_ode_301` was evolved with `physics=ode`), `random_7` (genes drawn by the
+            number 7, uniform in +-1 as those of a first generation), a run folder with a `champion.npz`, or a `.npz` or
+            `.npy` file with as many numbers as the network has weights, 234 in the paper.
         experiment: The name of the experiment, `light` or `obstacles`, or of the environment.
         shape: The layers of the network, or its wiring; None for what the file names, or else the paper's layers.
     """
@@ -126,7 +126,9 @@ def load_genome(where: str, experiment: str, shape: tuple[int, ...] | Wiring | N
         path = path_of(where, "genome")
         name, path = (path.resolve().name, path / CHAMPION) if path.is_dir() else (path.stem, path)
     if not path.is_file():
-        known = f"`{LATEST}`, a run of evolve, a .npz or .npy file, `{REFERENCE}`, or one as `{REFERENCE}_7` or `random_7`"
+        known = (
+            f"`{LATEST}`, a run of evolve, a .npz or .npy file, `{REFERENCE}`, or one as `{REFERENCE}_7` or `random_7`"
+        )
         raise ConfigError(f"genome={where} does not exist: there is no file {path}; give {known}")
     return _read_genome(path, name, shape)
 

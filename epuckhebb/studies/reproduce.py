@@ -89,9 +89,8 @@ class Reproduction(ChampionStudy):
             return None
         genome = load_genome(self.genome, "obstacles")
         if genome.network != PAPER_NETWORK or genome.robot not in ("", EPUCK.name):
-            raise ConfigError(
-                f"genome={self.genome} is for {genome.robot or 'any robot'}, {genome.network}, not {EPUCK.name}, {PAPER_NETWORK}"
-            )
+            own = f"{genome.robot or 'any robot'}, {genome.network}"
+            raise ConfigError(f"genome={self.genome} is for {own}, not {EPUCK.name}, {PAPER_NETWORK}")
         return genome
 
     @functools.cached_property
