@@ -103,7 +103,7 @@ def run_lifetime():
 
     def live(genome, side="left", N=0.0, seconds=8.0, key=1, scenario=None, record_every=1, controller=None, **more):
         rule = {name: more.pop(name) for name in ("signal", "w_max", "floor") if name in more}
-        own = ("network", "start", "signs", "nominal")
+        own = ("network", "start", "signs", "nominal", "yoking")
         who = {name: more.pop(name) for name in own if name in more}
         controller = controller or Controller(name="Hebbian", rule=Paper(N=N, **rule))
         individual = Individual(

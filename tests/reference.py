@@ -6,6 +6,7 @@ the program as one would first write it.
 """
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numba
@@ -15,6 +16,7 @@ import pymunk
 from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.controller import random
 from epuckhebb.controller.network import PAPER_NETWORK
+from epuckhebb.controller.plasticity.control import Control
 from epuckhebb.tmaze import light
 from epuckhebb.tmaze.maze import boxes
 
@@ -54,6 +56,7 @@ class Robot:
         start=None,
         nominal=None,
         signs=None,
+        yoking=None,
     ):
         self.kind, self.side, self.gain, self.noise_level = scenario.robot, side, gain, noise_level
         self.key, self.step_number = np.uint64(key), 0
@@ -90,6 +93,11 @@ class Robot:
         self.change_signal, self.exploring, self.at_goal, self.halted = math.nan, False, False, False
         self.hand = None
         self.scale, self.novelty, self.brightness, self.used_scale = 1.0, None, None, 1.0
+        self.yoking, self.master, self.path = yoking, None, 0.0
+        if yoking is not None:
+            alone = replace(controller, rule=replace(controller.rule, control=Control.none))
+            same = {"network": network, "gain": gain, "noise_level": noise_level, "key": key, "start": start}
+            self.master = type(self)(genes, scenario, side, alone, nominal=nominal, signs=signs, **same)
 
     def shape(self, network, genes):
         """Find the shapes of the weights; returns how many weights the network has, and how many genes in all."""
@@ -178,6 +186,8 @@ class Robot:
 
     def step(self):
         """One control step: sense, act, score, learn, move. Returns what happened."""
+        if self.master is not None:
+            self.master.step()
         self.change()
         x, y = self.body.position
         heading = self.body.angle
@@ -199,9 +209,11 @@ class Robot:
         rate = self.rule.N * need * max(self.rule.floor, fitness)
         if self.rule.N_gain_rad_s:
             rate *= self.gain / self.rule.N_gain_rad_s
+        rate = rate if self.master is None else 0.0
         self.fitness = fitness
         if need == 0 and self.adaptation.plastic_when.name != "goal_signal":
             self.initialise()
+        before = np.concatenate([w.ravel() for w in self.weights])
         for number, activations in enumerate(passes, 1 + (self.step_number - 1) * self.substeps):
             self.last = [*self.last, activations][-self.rule.average :]
             read = [sum(layer) / len(self.last) for layer in zip(*self.last, strict=True)]
@@ -209,8 +221,12 @@ class Robot:
                 *v, v0 = self.evolved["v"]
                 of_reward = self.evolved["vr"][0] * read[0][-2] if self.task is not None else 0
                 rate *= np.tanh((np.dot(v, read[-2]) + v0 + of_reward) / 2)
-            if need > 0 and self.rule.N > 0 and number % self.rule.every == 0:
+            if need > 0 and self.rule.N > 0 and number % self.rule.every == 0 and self.master is None:
                 self.learn(read, rate)
+        if self.master is not None:
+            self.follow_master(before)
+        self.moved_weights = np.concatenate([w.ravel() for w in self.weights]) - before
+        self.path += np.abs(self.moved_weights).sum()
         change = sum(np.abs(w - g).sum() for w, g in zip(self.weights, self.genes, strict=True))
         lit = self.weights[0][: self.kind.light.count] * (1 - self.used_scale)
         change += np.abs(lit).sum() + np.abs(lit.sum(axis=0)).sum()
@@ -420,6 +436,12 @@ class Robot:
             if self.rule.normalise.name == "length":
                 now, initial_weight = (np.linalg.norm(w, axis=0) for w in (self.weights[k], self.genes[k]))
                 self.weights[k] = np.clip(self.weights[k] / now * initial_weight, -w_max, w_max)
+
+    def follow_master(self, weights):
+        """W' = clip(W + s d_p), d: what the master's weights have moved by in this step."""
+        moves = self.yoking.signs * self.master.moved_weights[self.yoking.places]
+        limit = self.rule.w_max
+        self.weights = self.by_layer(np.where(moves == 0, weights, np.clip(weights + moves, -limit, limit)))
 
     def paper(self, layer, pre, post, state):
         state["trace"] = self.rule.trace_decay * state["trace"] + self.rule.trace_update * (pre * post)

@@ -96,6 +96,16 @@ def test_lifetimes_have_the_same_bits(treatments, file, bits):
     bits(file, told)
 
 
+def test_yoked_lifetimes_have_the_same_bits(bits):
+    told, champion = [], load_genome(CHAMPIONS[1], "light")
+    for control in ("yoked_sign", "yoked_place"):
+        asked = config("scenario=lowlight", f"hebbian.control={control}", "hebbian.sign_draw=1")
+        lived, _ = evaluate(champion.genes, asked.world, asked.controllers, asked.lifetime, repeats=1, seed=3)
+        rows = pd.DataFrame(lived)
+        told.append(f"{control} {digest(rows[rows.controller != GA][[*METRICS, 'weight_path']].to_numpy(float))}")
+    bits("controls", told)
+
+
 @pytest.mark.thorough
 def test_lifetimes_of_many_trials_have_the_same_bits(bits):
     asked = config("task=reversal", "hebbian=modulated")

@@ -86,6 +86,8 @@ def evaluate(
         if rule.N == 0 and not isinstance(rule, NoRule):
             raise ConfigError(f"hebbian={type(rule).__name__}(...) has N = 0; give N, or hebbian='none'")
         own = with_controls(controller_of(rule, config.adaptation), config.world.task)
+        for controller in own:
+            controller.check(config.world, config.lifetime.duration_s, config.wiring)
         config.controllers = [*own, *(other for other in config.controllers if other.name in config.compare)]
     loaded = None  # the one that the settings name
     if not isinstance(genome, str | Path):

@@ -20,6 +20,7 @@ from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.genotype import Genotype, initial_state
 from epuckhebb.controller.network import PAPER_NETWORK, Network
 from epuckhebb.controller.own_class import PartError, own_of, stored
+from epuckhebb.controller.plasticity.control import Control
 from epuckhebb.controller.plasticity.control import signs as signs_of
 from epuckhebb.controller.plasticity.rule import NO_RULE, Rule, Schedule, bound_of, schedule_of
 from epuckhebb.controller.plasticity.update import (
@@ -94,7 +95,7 @@ class Controller:
     length of a step [s], for rules and neurons that have time constants.
 
     Raises:
-        ValueError: the genes do not fit the network and the rule.
+        ValueError: the genes do not fit the network and the rule, or the rule has a yoked control.
     """
 
     def __init__(
@@ -109,9 +110,13 @@ class Controller:
         self.genes, self.network, self.rule, self.step_s = np.asarray(genes, np.float64), network, rule, float(step_s)
         self.rate, self._floor, self._numbers = float(rule.N), float(rule.floor), rule.numbers()
         rule.check_wiring(network.wiring)
+        if rule.control is not Control.none:
+            raise ValueError(
+                f"control={rule.control.name} is for the lifetimes of `run_lifetimes`; here it must be none"
+            )
         self._plan = plan_of(network, type(rule))
         if signs is None:
-            signs = signs_of(rule.sign, network.synapses, rng(0, Stream.shuffled_signs))
+            signs = signs_of(rule.sign, network.synapses, rng(rule.sign_draw, Stream.shuffled_signs))
         self._signs = signs
         self._kernel = _kernel_of(type(rule), network, schedule_of(rule))
         self._workspace = workspace_for(network)

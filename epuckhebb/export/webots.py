@@ -48,9 +48,11 @@ def webots(what: str, folder: Path) -> tuple[list[Path], str]:
     genome, config = _genome_and_config(what)
     if genome.wiring != LAYERS:
         raise ConfigError(f"{what} has network.wiring={genome.wiring}; only {LAYERS} can be taken to Webots")
-    if (genome.robot, genome.network.inputs) != (EPUCK.name, EPUCK.inputs):
+    if genome.robot not in ("", EPUCK.name) or genome.network.inputs != EPUCK.inputs:
         own = f" with the sensors {genome.sensors}" if genome.sensors else ""
-        raise ConfigError(f"{what} is for robot {genome.robot}{own}; only {EPUCK.name} as it is can be taken to Webots")
+        raise ConfigError(
+            f"{what} is for robot {genome.robot or 'any'}{own}; only {EPUCK.name} as it is can be taken to Webots"
+        )
     if folder.exists() and any(folder.iterdir()):
         raise ConfigError(f"{folder} holds files already; give another folder with --output")
     genes, name = io.BytesIO(), folder.resolve().name

@@ -169,8 +169,8 @@ def check_genome(genome: Genome, world: Scenario, shape: tuple[int, ...] | Wirin
     asked = shape.name if isinstance(shape, Wiring) else LAYERS
     if genome.wiring != asked:
         raise ConfigError(f"genome={genome.name} is for network.wiring={genome.wiring}, got network.wiring={asked}")
-    if genome.robot != robot.name or genome.network.inputs != world.inputs or has_others:
-        evolved = f"robot={genome.robot}, own sensors {genome.sensors or 'none'} and layers {genome.network}"
+    if genome.robot not in ("", robot.name) or genome.network.inputs != world.inputs or has_others:
+        evolved = f"robot={genome.robot or 'any'}, own sensors {genome.sensors or 'none'} and layers {genome.network}"
         given = f"robot={robot.name}, own sensors {sensors or 'none'} and {robot.inputs} readings"
         raise ConfigError(f"genome={genome.name} is for {evolved}, got {given}")
 

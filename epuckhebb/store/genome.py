@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.adaptation.nominal import Nominal
+from epuckhebb.controller import random
 from epuckhebb.controller.genome import WEIGHTS, GenomePlan, Part, plan_of
 from epuckhebb.controller.network import PAPER_NETWORK, Network
 from epuckhebb.controller.wiring import LAYERS, Wiring, recorded_wiring
@@ -22,6 +23,7 @@ from epuckhebb.tmaze.robot import EPUCK
 
 _NOMINAL = "memory_"  # how the names of the arrays of nominal statistics begin
 _OF_SEED = re.compile(rf"{REFERENCE}_([a-z]+_)?(\d+)")
+_RANDOM = re.compile(r"random_(\d+)")
 # What a champion was evolved for and by, as far as it is known.
 _TEXTS = (
     *("robot", "experiment", "optimizer", "training", "rule", "task", "fitness_function", "sensors"),
@@ -37,7 +39,7 @@ class Genome:
         genes: All genes, (genes,); 234 weights in the paper.
         name: What tables call it.
         network: The network that the weights are for.
-        robot: The name of the robot that it was evolved for.
+        robot: The name of the robot that it was evolved for; "" for any.
         lights: How many of its sensor readings are of light; the others are of distance.
         plan: The parts of the genes; the weights come first.
         experiment, optimizer, training: Names of what it was evolved in and by; "" if unknown.
@@ -107,12 +109,14 @@ def load_genome(where: str, experiment: str, shape: tuple[int, ...] | Wiring | N
 
     Args:
         where: `reference` (the bundled champion of this experiment), `reference_7` (the champion of seed 7 in the
-            reference results; `reference_ode_301` was evolved with `physics=ode`), a run folder with a
-            `champion.npz`, or a `.npz` or `.npy` file with as many numbers as the network has weights, 234 in the
-            paper.
+            reference results; `reference_ode_301` was evolved with `physics=ode`), `random_7` (genes drawn by the
+            number 7, uniform in +-1 as those of a first generation), a run folder with a `champion.npz`, or a `.npz` or
+            `.npy` file with as many numbers as the network has weights, 234 in the paper.
         experiment: The name of the experiment, `light` or `obstacles`, or of the environment.
         shape: The layers of the network, or its wiring; None for what the file names, or else the paper's layers.
     """
+    if drawn := _RANDOM.fullmatch(where):
+        return _random_genome(where, int(drawn[1]), shape)
     reference, name, of_seed = data_folder("runs/reference"), where, _OF_SEED.fullmatch(where)
     if where == REFERENCE:
         path = reference / f"champion_{experiment}.npz"
@@ -122,9 +126,20 @@ def load_genome(where: str, experiment: str, shape: tuple[int, ...] | Wiring | N
         path = path_of(where, "genome")
         name, path = (path.resolve().name, path / CHAMPION) if path.is_dir() else (path.stem, path)
     if not path.is_file():
-        known = f"`{LATEST}`, a run of evolve, a .npz or .npy file, `{REFERENCE}`, or one as `{REFERENCE}_7`"
+        known = (
+            f"`{LATEST}`, a run of evolve, a .npz or .npy file, `{REFERENCE}`, or one as `{REFERENCE}_7` or `random_7`"
+        )
         raise ConfigError(f"genome={where} does not exist: there is no file {path}; give {known}")
     return _read_genome(path, name, shape)
+
+
+def _random_genome(name: str, seed: int, shape: tuple[int, ...] | Wiring | None) -> Genome:
+    """A genome of random weights, which no robot has evolved."""
+    if isinstance(shape, Wiring):
+        raise ConfigError(f"genome={name} needs network.wiring={LAYERS}, got network.wiring={shape.name}")
+    network = PAPER_NETWORK if shape is None else Network(shape)
+    genes = random.rng(seed, random.Stream.random_genome).uniform(-1.0, 1.0, network.synapses)
+    return Genome(genes=genes, name=name, network=network, robot="", plan=plan_of(network))
 
 
 def checked_genes(genes: NDArray[np.generic], where: str, plan: GenomePlan) -> NDArray[np.float64]:

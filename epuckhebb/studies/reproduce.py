@@ -88,10 +88,9 @@ class Reproduction(ChampionStudy):
         if self.genome is None:
             return None
         genome = load_genome(self.genome, "obstacles")
-        if (genome.network, genome.robot) != (PAPER_NETWORK, EPUCK.name):
-            raise ConfigError(
-                f"genome={self.genome} is for {genome.robot}, {genome.network}, not {EPUCK.name}, {PAPER_NETWORK}"
-            )
+        if genome.network != PAPER_NETWORK or genome.robot not in ("", EPUCK.name):
+            own = f"{genome.robot or 'any robot'}, {genome.network}"
+            raise ConfigError(f"genome={self.genome} is for {own}, not {EPUCK.name}, {PAPER_NETWORK}")
         return genome
 
     @functools.cached_property
