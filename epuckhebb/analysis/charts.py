@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.analysis import rescue
 from epuckhebb.analysis.image import in_house_style, plain
+from epuckhebb.analysis.lifetimes import ANY
 from epuckhebb.analysis.statistics import LEAST
 from epuckhebb.controller.network import initial_weights_of
 from epuckhebb.controller.plasticity.weight_change import saturated_fraction
@@ -147,8 +148,8 @@ def rescue_and_harm(over_all: pd.DataFrame) -> Figure:
 
 _WORLDS = {"highlight": "bright light", "lowlight": "dimmed light", "base": "no obstacles"}
 _WORLDS |= {"2obstacles": "two obstacles", "4obstacles": "four obstacles"}
-_CONTROLLERS = {GA: "no plasticity", HEBBIAN: "Hebbian (the paper's)"}
-_LEAST_SHARE = 0.08  # of a bar that has room for its number
+_CONTROLLERS = {GA: "no plasticity", HEBBIAN: "paper's rule"}
+_LEAST_SHARE = 0.11  # of a bar that has room for its number
 
 
 @in_house_style()
@@ -164,18 +165,21 @@ def ends(table: pd.DataFrame) -> Figure:
     wide = 2 if max(map(len, worlds.values())) > 1 else 1
     grid = [(one, own[k : k + wide]) for one, own in worlds.items() for k in range(0, len(own), wide)]
     bars = [max(len(own) for _, own in row) for _, row in grid]
-    figure = Figure(figsize=(5.4, 0.6 + sum(0.7 + 0.27 * count for count in bars)))
+    figure = Figure(figsize=(4.7, 0.8 + sum(0.55 + 0.27 * count for count in bars)))
     panels = figure.subplots(len(grid), wide, squeeze=False, sharex=True, height_ratios=bars)
+    for axes in panels[-1]:
+        axes.set_xlabel("share of trials")
     for row, (experiment, shown) in zip(panels, grid, strict=True):
         names = _bar_names(pd.concat(own for _, own in worlds[experiment]))
         for axes in row[len(shown) :]:
             axes.remove()
         for axes, (scenario, own) in zip(row, shown, strict=False):
             _draw_ends(axes, own)
-            trained = ", as in training" if scenario == TRAINED[experiment] else ""
+            trained = " (training)" if scenario == TRAINED[experiment] else ""
             n = " to ".join(map(str, sorted({own.trials.min(), own.trials.max()})))
             axes.set_title(plain(f"{_WORLDS.get(str(scenario), str(scenario))}{trained}\nn = {n} trials"))
-            axes.set_yticks(range(len(own)), names[own.index] if axes is row[0] else [""] * len(own))
+            labels, first = list(names[own.index]), list(names[shown[0][1].index])
+            axes.set_yticks(range(len(own)), [""] * len(own) if axes is not row[0] and labels == first else labels)
     figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return figure
 
@@ -190,7 +194,7 @@ def _draw_ends(axes: Axes, own: pd.DataFrame) -> None:
             if shares[place] >= _LEAST_SHARE:
                 axes.text(start[place] + shares[place] / 2, place, count, color=letters, ha="center", va="center")
         start += shares
-    axes.set(xlim=(0, 1), xticks=(0, 0.5, 1), xticklabels=("0", "½", "1"), xlabel="share of trials")
+    axes.set(xlim=(0, 1), xticks=(0, 0.5, 1), xticklabels=("0", "½", "1"))
     axes.invert_yaxis()
 
 
@@ -203,7 +207,7 @@ def _bar_names(own: pd.DataFrame) -> "pd.Series[str]":
         ", ".join(
             [_CONTROLLERS.get(row["controller"], row["controller"])]
             + ([f"N = {row['N']:g}"] if rates[row["controller"]] > 1 else [])
-            + [f"{name} {row[name]}" for name in differ]
+            + [f"{name} {row[name]}" for name in differ if row[name] != ANY]
         )
         for row in own.to_dict("records")
     ]

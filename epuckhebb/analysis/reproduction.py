@@ -194,6 +194,10 @@ def figures_of(
     if histories:
         caption = "Rescued against harmed trials of all changed worlds at the paper's rates, with 95 % intervals."
         add("rescue_and_harm", charts.rescue_and_harm(_at_paper_rates(tables["rescue_over_all"])), caption)
+        caption = (
+            "Where trials end at the paper's rates: shares of right end, wrong end and elsewhere, n in each title."
+        )
+        add("ends", charts.ends(_at_paper_rates(tables["ends"])), caption)
         caption = "Learning curves: best and mean fitness, median and quartiles of the evolutions."
         add("learning_curves", charts.learning_curves(dict(sorted(histories.items(), reverse=True))), caption)
     return made
