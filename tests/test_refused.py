@@ -152,6 +152,12 @@ evolve task=reversal lifetime.duration_s=60             | lifetime.duration_s | 
 evolve task=reversal training=gain_varied               | training.gain_rad_s
 evolve task=reversal network.layers=[16,3,2]            | 17
 evolve task=reversal task.first_switch=1                | task.first_switch
+evolve task=reversal task.switches=5                    | task.switches | 4 | task.last_switch=8 | task.trials=10
+evolve task=reversal task.trials=5 task.last_switch=6   | task.last_switch | 5
+evolve task=reversal task.trials=-1                     | task.trials | 1000
+evolve task=reversal task.first=right                   | task.first | drawn | left
+evolve hebbian=modulated hebbian.acts=before_change     | hebbian.acts | trial
+evolve task=reversal hebbian=modulated hebbian.acts=now | hebbian.acts | before_change
 evaluate task=reversal                                  | task=trial
 # what no machine could do
 evolve ga.tournament=100000000000                       | ga.tournament | 100000000000

@@ -3,6 +3,7 @@
 import itertools
 import math
 import re
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +13,14 @@ from cases import done, first_of, refused
 
 from epuckhebb.analysis import charts, reversal
 from epuckhebb.analysis.image import image
+from epuckhebb.config import EvaluateConfig, load
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import Network
-from epuckhebb.controller.plasticity.rule import Reward, modulatory_weights, values_of
+from epuckhebb.controller.plasticity.rule import Acts, Reward, modulatory_weights, values_of
 from epuckhebb.controller.plasticity.rules.modulated import Modulated
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.controller.plasticity.update import modulation_of
+from epuckhebb.controller.random import Stream, rng
 from epuckhebb.evolution.optimizer import initial
 from epuckhebb.store.genome import load_genome
 from epuckhebb.tmaze.batch import run_lifetimes
@@ -27,7 +30,7 @@ from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.light import Lamp
 from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.task import TRIAL
-from epuckhebb.tmaze.tasks.reversal import Reversal
+from epuckhebb.tmaze.tasks.reversal import First, Reversal
 
 REWARDED = Network((17, 7, 5, 8, 4, 2), rewarded=True)
 MODULATED = Controller(name="modulated", rule=Modulated(N=0.003))
@@ -154,44 +157,129 @@ def test_a_trial_has_its_time_and_a_life_so_many_time_outs():
 # What is drawn, and what can be expected of it
 
 
-def test_the_switch_is_at_one_of_its_trials_or_never():
-    task, keys = Reversal(), range(4000)
-    drawn_switches = np.bincount([task.switch(key) for key in keys], minlength=9)
-    assert drawn_switches[1] == 0
-    assert len(drawn_switches) == 9
-    expected = len(keys) / 8  # each of 2 to 8, and never, 0
-    assert np.abs(np.delete(drawn_switches, 1) - expected).max() < 5 * math.sqrt(expected)
+def test_one_switch_is_drawn_as_in_earlier_results():
+    task = Reversal()
+    for key in range(200):
+        never, place = rng(key, Stream.switches).random(2)
+        assert task.drawn_switches(key) == ([] if never < 1 / 8 else [2 + int(place * 7)])
+
+
+def sets_of(task):
+    """All sets of switches two trials or more apart, with the probability of each."""
+    trials = range(task.first_switch, task.last_switch + 1)
+    sets = [one for one in itertools.combinations(trials, task.switches) if all(np.diff(one) >= 2)]
+    never = task.never if task.switches else 0.0
+    return {(): never} | {one: (1 - never) / len(sets) for one in sets}
+
+
+@pytest.mark.parametrize(
+    "task", [Reversal(), Reversal(switches=3), Reversal(switches=2, last_switch=6, never=0.3), Reversal(switches=0)]
+)
+def test_all_sets_of_switches_are_equally_likely(task):
+    counts, keys = Counter(tuple(task.drawn_switches(key)) for key in range(6000)), 6000
+    expected = {one: keys * chance for one, chance in sets_of(task).items() if chance}
+    assert counts.keys() == expected.keys()
+    assert all(abs(counts[one] - count) <= 5 * math.sqrt(count) for one, count in expected.items())
+
+
+@pytest.mark.parametrize("switches", [0, 1, 3])
+def test_the_rewarded_end_changes_at_every_switch(switches):
+    drawn, left = (Reversal(switches=switches, first=first) for first in First)
     for key in range(20):
-        left, right = (task.initial_trials(side, key)["good"] for side in ("left", "right"))
-        assert (left == -right).all()
-        switch = task.switch(key)
-        assert np.flatnonzero(np.diff(left)).tolist() == ([switch - 2] if switch else [])
-        assert left[0] == -1
+        one, other = (drawn.initial_trials(side, key)["good"] for side in ("left", "right"))
+        assert (one == -other).all()
+        assert one[0] == -1
+        assert (np.flatnonzero(np.diff(one)) + 2).tolist() == drawn.drawn_switches(key)
+        for side in ("left", "right"):
+            assert (left.initial_trials(side, key)["good"] == one).all()
+
+
+def test_the_default_of_the_last_switch_fits_the_trials():
+    assert [Reversal(trials=trials).last_switch for trials in (2, 5, 8, 30)] == [2, 5, 8, 8]
+
+
+@pytest.mark.parametrize(("trials", "switches", "most"), [(10, 5, 4), (5, 3, 2), (2, 2, 1)])
+def test_switches_that_do_not_fit_are_refused(trials, switches, most):
+    with pytest.raises(
+        ValueError, match=rf"task\.switches must be at most {most}\b.*task\.trials={trials}\b.*got {switches}"
+    ):
+        Reversal(trials=trials, switches=switches)
+    assert Reversal(trials=trials, switches=most).drawn_switches(1)
 
 
 def test_any_fixed_sequence_of_ways_gets_half_of_the_rewards_exactly():
-    task = Reversal(trials=5, last_switch=4)
+    task = Reversal(trials=5, switches=2)
     for ways in itertools.product((-1, 1), repeat=5):
         for key in range(10):
             trials = [task.initial_trials(side, key)["good"] for side in ("left", "right")]
             assert np.mean([good == ways for good in trials]) == 0.5
 
 
-def test_the_optimum_is_that_of_win_stay_lose_shift():
-    task = Reversal()
-    expected = 0.0
-    for switch, chance in task.switches().items():
-        for first_way in (-1, 1):
-            way, hits = first_way, 0
-            for trial in range(1, 11):
-                hit = way == (1 if switch and trial >= switch else -1)
-                hits += hit
-                way = way if hit else -way
-            expected += chance / 2 * hits / 10
-    assert sum(task.switches().values()) == pytest.approx(1)
-    assert task.limits()["optimum"] == pytest.approx(expected) == pytest.approx(0.8625)
-    counted = Reversal(first_switch=4, last_switch=4, never=0.0)  # a change that is certain can be counted
-    assert counted.limits()["optimum"] == pytest.approx(0.95)
+def courses(task):
+    """The good ends of all lifetimes that can be, 1 for the end that may be first, with the probability of each."""
+    for first in (1, -1) if task.first is First.drawn else (1,):
+        for switches, chance in sets_of(task).items():
+            ends = [first * (-1) ** sum(switch <= trial for switch in switches) for trial in range(1, task.trials + 1)]
+            yield ends, chance / (2 if task.first is First.drawn else 1)
+
+
+def best_choices(task):
+    """How probable either end is in the next trial, -1 first, by the good ends of all trials before."""
+    weights = {}
+    for ends, chance in courses(task):
+        for trial, end in enumerate(ends):
+            weights.setdefault(tuple(ends[:trial]), [0.0, 0.0])[end > 0] += chance
+    return weights
+
+
+def all_small_tasks():
+    for trials, never, first in itertools.product(range(2, 8), (0.0, 0.125, 0.7, 1.0), First):
+        for begin, end in itertools.combinations_with_replacement(range(2, trials + 1), 2):
+            for switches in range((end - begin) // 2 + 2):
+                window = {"first_switch": begin, "last_switch": end}
+                yield Reversal(trials=trials, switches=switches, never=never, first=first, **window)
+
+
+def test_the_limits_are_those_of_all_lifetimes_that_can_be():
+    for task in all_small_tasks():
+        optimum = sum(map(max, best_choices(task).values()))
+        fixed = sum(
+            max(sum(chance for ends, chance in courses(task) if ends[trial] == end) for end in (-1, 1))
+            for trial in range(task.trials)
+        )
+        expected = {"chance": fixed / task.trials, "optimum": optimum / task.trials}
+        assert task.limits() == pytest.approx(expected, abs=1e-12), task
+
+
+@pytest.mark.parametrize(
+    ("task", "chance", "optimum"),
+    [
+        (Reversal(), 0.5, 0.8625),
+        (Reversal(first_switch=4, last_switch=4, never=0.0), 0.5, 0.95),  # a change that is certain can be counted
+        (Reversal(trials=5, never=0.0), 0.5, (0.5 + 0.75 + 0.75 + 0.75 + 1) / 5),  # the last switch shows itself early
+        (Reversal(trials=5, switches=0), 0.5, 0.9),
+        (Reversal(trials=5, switches=0, first=First.left), 1.0, 1.0),
+        (Reversal(trials=5, first=First.left, never=0.0), (1 + 0.75 + 0.5 + 0.75 + 1) / 5, 0.85),
+        (Reversal(trials=5, switches=2, last_switch=4, never=0.0), 0.5, 0.9),  # at 2 and 4, nowhere else
+    ],
+)
+def test_limits_by_hand(task, chance, optimum):
+    assert task.limits() == pytest.approx({"chance": chance, "optimum": optimum})
+
+
+@pytest.mark.parametrize("first", First)
+def test_who_chooses_best_gets_the_optimum(first):
+    task = Reversal(trials=30, switches=3, last_switch=20, first=first)
+    weights, shares = best_choices(task), []
+    for key in range(2000):
+        for side in ("left", "right"):
+            ends = (-task.initial_trials(side, key)["good"]).tolist()
+            best = [weights[tuple(ends[:trial])] for trial in range(30)]
+            shares.append(
+                np.mean([(right >= left) == (end > 0) for (left, right), end in zip(best, ends, strict=True)])
+            )
+    error = np.std(shares) / math.sqrt(2000)  # the lifetimes of a pair are not independent
+    assert abs(np.mean(shares) - task.limits()["optimum"]) < 4 * error
 
 
 def test_the_fitness_is_the_rewarded_share_and_a_little_for_coming_near():
@@ -219,6 +307,48 @@ def test_the_modulatory_neuron_hears_the_reward_or_its_inverse():
             drive = 0.2 * (1.0 - 1.0 + 0.5) + sign * 2.0 * reward
             assert modulate(weights, activation) == pytest.approx(np.tanh(drive / 2), rel=1e-14)
     assert plan_of(REWARDED, Modulated).text() == "241 weights, 5 v, 1 A, 1 B, 1 C, 1 D, 1 eta, 1 vr"
+
+
+# Frozen weights
+
+
+@pytest.fixture(scope="module")
+def frozen():
+    """Lifetimes of a rule and of the same rule that acts before the change, in worlds of these switches."""
+
+    def of(scenario):
+        lifetime = Lifetime(duration_s=90, gain_rad_s=4.0, record_every=1)
+        shared = {"genes": drawn(897), "side": "left", "key": np.uint64(9), "network": REWARDED, "record": True}
+        rules = (Modulated(N=0.003, acts=acts) for acts in Acts)
+        individuals = [Individual(controller=Controller(name="m", rule=rule), **shared) for rule in rules]
+        return run_lifetimes(individuals, scenario, lifetime)
+
+    return of
+
+
+@pytest.mark.parametrize(
+    ("scenario", "frozen_from"),
+    first_of(
+        [
+            (switching(3, trials=5, time_out_s=16.0, time_outs=9), 3),
+            (world(trials=5, switches=2, last_switch=4, never=0.0, time_out_s=16.0, time_outs=9), 2),  # at 2 and 4
+            (world(trials=5, switches=0, time_out_s=16.0, time_outs=9), 3),  # (2 + 5) // 2
+            (world(trials=5, never=1.0, time_out_s=16.0, time_outs=9), 3),
+        ]
+    ),
+)
+def test_weights_are_frozen_from_the_first_switch_on(frozen, scenario, frozen_from):
+    (own, samples), (outcome, its) = frozen(scenario)
+    earlier = outcome.trials[: frozen_from - 1]
+    begin = int((earlier["steps"] + 31 * (earlier["reached"] != 0)).sum())
+    assert 0 < begin < outcome.steps
+    for name in ("pose", "sensors", "weights"):
+        np.testing.assert_array_equal(getattr(its, name)[:begin], getattr(samples, name)[:begin])
+    assert np.abs(its.weights[begin] - its.weights[0]).max() > 0.1
+    assert np.ptp(its.weights[begin - 1 :], axis=0).max() == 0
+    assert np.ptp(samples.weights[begin:], axis=0).max() > 0.1
+    assert (own.trials["frozen"] == outcome.trials["frozen"]).all()
+    assert outcome.trials["frozen"].tolist() == [trial >= frozen_from for trial in range(1, 6)]
 
 
 # From `evolve` to `show`
@@ -269,6 +399,34 @@ def test_from_evolve_to_show(champions):
     done("rerun", run, "-q")
 
 
+@pytest.mark.usefixtures("here")
+def test_a_champion_beside_its_own_frozen_weights_and_beside_none_that_change(champions):
+    brief = ["repeats=2", "task.time_out_s=2", "task.time_outs=3", "task.trials=3", "task.never=0"]
+    brief += ["threads=1", "hydra.run.dir=run"]
+    controls = ["compare.frozen={acts: before_change}", "compare.off={N: 0}"]
+    done("evaluate", f"genome={champions / 'modulated'}", "task=reversal", "hebbian=modulated", *controls, *brief)
+    rows = pd.read_csv("run/metrics.csv").drop(columns=["N", "signal"]).set_index("controller")
+    assert rows.index.unique().tolist() == ["GA", "modulated", "modulated (reward inverted)", "frozen", "off"]
+    assert rows.loc["off"].reset_index(drop=True).equals(rows.loc["GA"].reset_index(drop=True))
+    changes = rows.weight_change_mean
+    assert (changes["frozen"].to_numpy() < changes["modulated"].to_numpy()).all()
+
+
+@pytest.mark.usefixtures("here")
+def test_a_lifetime_is_as_long_as_its_trials_and_both_of_a_pair_may_have_the_left_end_first(champions):
+    words = ["task=reversal", "hebbian=modulated", "task.trials=4", "task.time_out_s=2", "task.first=left"]
+    done("evaluate", f"genome={champions / 'modulated'}", *words, "repeats=3", "threads=1", "hydra.run.dir=run")
+    rows, trials = pd.read_csv("run/metrics.csv"), pd.read_csv("run/reversal_trials.csv")
+    assert load(EvaluateConfig, words).lifetime.duration_s == 12
+    assert trials[trials.trial == 1].rewarded_side.unique().tolist() == ["left"]
+    assert (rows.groupby("repeat").switch_trial.nunique(dropna=False) == 1).all()
+    assert not rows[rows.controller == "GA"].path_length_m.duplicated().any()  # no lifetime is there twice
+    shares = pd.read_csv("run/reversal.csv").set_index("controller").rewarded_share
+    assert shares["chance"] == pytest.approx(Reversal(trials=4, first=First.left).limits()["chance"])
+    of_pairs = rows[rows.controller == "GA"].groupby("repeat").rewarded_share.mean()
+    assert shares["GA"] == pytest.approx(of_pairs.mean())
+
+
 @pytest.mark.parametrize(
     ("words", "named"),
     [([], "task="), (["task=reversal", "adaptation=late"], "adaptation=late"), (["task=revrsal"], "reversal")],
@@ -289,3 +447,17 @@ def test_the_figure_and_table_of_no_switch_and_of_ties():
     assert table.rewarded_share.tolist() == [0.5, 0.5, 0.8625]
     assert image(charts.reversal(table, trials, "a title")).startswith(b"\x89PNG")
     assert "| optimum | 0.863 |" in reversal.readable(table).markdown()
+
+
+def test_the_figure_shows_trials_around_every_switch():
+    """Rewarded but in the two trials in which the end has just changed."""
+    sides = [*["left"] * 2, *["right"] * 3, *["left"] * 2]
+    rows = [
+        {"controller": "GA", "side": "left", "repeat": 0, "trial": trial, "rewarded_side": side}
+        | {"rewarded": int(trial not in (3, 6))}
+        for trial, side in enumerate(sides, start=1)
+    ]
+    table = pd.DataFrame({"controller": ["GA", "chance"], "lifetimes": [1, None], "rewarded_share": [5 / 7, 0.5]})
+    line = charts.reversal(table, pd.DataFrame(rows), "a title").axes[0].lines[0]
+    assert line.get_xdata().tolist() == [-2, -1, 0, 1, 2]
+    assert line.get_ydata().tolist() == [1, 1, 0, 1, 1]

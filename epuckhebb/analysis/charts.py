@@ -306,14 +306,15 @@ _AROUND = (-3, 6)  # trials after the switch
 
 @in_house_style()
 def reversal(table: pd.DataFrame, trials: pd.DataFrame, title: str) -> Figure:
-    """The rewarded share of each controller around the switch of the rewarded end, beside the first limit of `table`.
+    """The rewarded share of each controller around a switch of the rewarded end, beside the first limit of `table`.
 
-    trials: a row each; lifetimes without a switch are left out.
+    trials: a row each; it is shown after the switch before it, or, if there is none, before the first one. Lifetimes
+    without a switch are left out.
     """
     lifetime = [trials.controller, trials.side, trials.repeat]
-    first = trials.rewarded_side.groupby(lifetime).transform("first")
-    switch = trials.trial.where(trials.rewarded_side != first).groupby(lifetime).transform("min")
-    after = trials.trial - switch
+    before = trials.rewarded_side.groupby(lifetime).shift()
+    switch = trials.trial.where(before.notna() & (trials.rewarded_side != before)).groupby(lifetime)
+    after = trials.trial - switch.ffill().fillna(switch.transform("min"))
     known = after.between(*_AROUND)
     drawn = Figure(figsize=(6.4, 4.0))
     axes = drawn.subplots()
@@ -324,7 +325,7 @@ def reversal(table: pd.DataFrame, trials: pd.DataFrame, title: str) -> Figure:
     for limit in table[table.lifetimes.isna()][:1].itertuples():
         axes.axhline(limit.rewarded_share, color=INK, linestyle="--", linewidth=0.8, label=limit.controller)
     axes.axvline(-0.5, color=INK, linewidth=0.8, linestyle=":")
-    axes.set(xlabel="trials after the switch of the rewarded end", ylabel="share of rewarded trials")
+    axes.set(xlabel="trials after a switch of the rewarded end", ylabel="share of rewarded trials")
     axes.set(xticks=range(_AROUND[0], _AROUND[1] + 1), ylim=(0, 1.05))
     axes.legend()
     drawn.suptitle(plain(title))

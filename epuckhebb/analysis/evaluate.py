@@ -189,7 +189,7 @@ def _rewarded(trials: NDArray[np.void]) -> dict[str, Any]:
 
 def _trials(trials: NDArray[np.void]) -> Iterator[dict[str, Any]]:
     sides = {-1: "left", 0: "", 1: "right"}
-    for number, (good, reached, steps, _) in enumerate(trials.tolist(), start=1):
+    for number, (good, reached, steps, *_) in enumerate(trials.tolist(), start=1):
         yield {
             "trial": number,
             "rewarded_side": sides[good],

@@ -14,8 +14,9 @@ COLUMNS = ("controller", "lifetimes", "rewarded_share", "low", "high", "end_shar
 def table(metrics: pd.DataFrame, trials: pd.DataFrame, task: Task, seed: int) -> pd.DataFrame:
     """A row for each controller with the columns `COLUMNS`, and one for each of the limits of the task.
 
-    A repeat is two lifetimes: one with each end rewarded first, and the switch at the same trial. Its value is their
-    mean. The interval is a bootstrap over repeats.
+    A repeat is two lifetimes with switches at the same trials: one with each end rewarded first, or, with
+    `task.first=left`, two that differ in their noise. Its value is their mean. The interval is a bootstrap over
+    repeats.
 
     metrics, trials: of `epuckhebb.analysis.evaluate`. seed: of the bootstrap.
     """

@@ -11,7 +11,7 @@ from epuckhebb.config.parts import GENETIC, NONE, PAPER, part_class, part_from
 from epuckhebb.config.values import converted, part_settings, record
 from epuckhebb.controller.network import HIDDEN, Network
 from epuckhebb.controller.plasticity.control import Control, Sign
-from epuckhebb.controller.plasticity.rule import NO_RULE, NoRule, Reward, Rule, receives_reward
+from epuckhebb.controller.plasticity.rule import NO_RULE, Acts, NoRule, Reward, Rule, receives_reward
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.controller.wiring import Wiring
 from epuckhebb.evolution.optimizer import Algorithm
@@ -78,6 +78,7 @@ def controller_of(rule: Rule, adaptation: Adaptation, called: str | None = None)
     """The controller of a rule and an adaptation. called: the name of the rule; its class unless given."""
     differs = [one.name for one in (rule.sign, rule.control) if one not in (Sign.hebbian, Control.none)]
     control = f" ({', '.join(differs)})" if differs else ""
+    frozen = " (frozen)" if rule.acts is Acts.before_change else ""
     if adaptation.acts:
         name = f"{adaptation.name}{control}"
     elif isinstance(rule, NoRule):
@@ -87,7 +88,7 @@ def controller_of(rule: Rule, adaptation: Adaptation, called: str | None = None)
         name += "" if Sign.hebbian is rule.sign or rule.control is Control.none else f" ({rule.sign.name})"
     else:
         name = f"{called or type(rule).__name__.lower()}{control}"
-    return Controller(name=name, rule=rule, adaptation=adaptation)
+    return Controller(name=f"{name}{frozen}", rule=rule, adaptation=adaptation)
 
 
 def compared(name: str, settings: Any, hebbian: Mapping[str, Any], paper_rate: float) -> Controller:

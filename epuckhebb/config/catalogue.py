@@ -143,6 +143,13 @@ def _store(command: str, folder: Path | None) -> None:
     _stored[:] = [store] if folder is None else []
 
 
+def _all_trials_s(*, _root_: Any) -> float:
+    """The longest that the trials of a task can last [s]; that of ten usual ones if the task has no such numbers."""
+    trials, *parts_s = (_root_.task.get(key) for key in ("trials", "time_out_s", "reward_s"))
+    can_be = all(isinstance(value, int | float) and 0 < value < 1e5 for value in (trials, *parts_s))
+    return trials * sum(parts_s) if can_be else 310.0  # the task refuses what cannot be
+
+
 def _refuse_environment(*_: Any, _node_: Any) -> None:
     key = _node_._get_full_key(None)
     raise ConfigError(f"{key}: environment variables are not read by a configuration; write the value itself")
@@ -154,5 +161,6 @@ OmegaConf.register_new_resolver(
 OmegaConf.register_new_resolver(
     "epuckhebb.other_light", lambda light: DIM if light > (BRIGHT + DIM) / 2 else BRIGHT, replace=True
 )
+OmegaConf.register_new_resolver("epuckhebb.all_trials_s", _all_trials_s, replace=True)
 # What is written down of a run would tell of its surroundings.
 OmegaConf.register_new_resolver("oc.env", _refuse_environment, replace=True)

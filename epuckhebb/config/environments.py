@@ -18,7 +18,7 @@ from epuckhebb.config.plugins import class_named, load
 from epuckhebb.config.schema import Checked, Figures, register
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.control import Control, Sign
-from epuckhebb.controller.plasticity.rule import NoRule, Rule
+from epuckhebb.controller.plasticity.rule import Acts, NoRule, Rule
 from epuckhebb.controller.ranges import check, within
 from epuckhebb.controller.wiring import LAYERS, Wiring
 from epuckhebb.evolution.evolve import evolved_plan
@@ -64,6 +64,8 @@ class EnvironmentConfig(Checked):
         self.rule = build.rule_from(self.hebbian, "hebbian")
         if not isinstance(self.rule, NoRule) and self.rule.signal != SIGNAL:
             raise ValueError(f"hebbian.signal must be {SIGNAL} in an environment, got {self.rule.signal}")
+        if self.rule.acts is not Acts.always:
+            raise ValueError(f"hebbian.acts must be always in an environment, got {self.rule.acts.name}")
         self.rule.check_wiring(self.network_made.wiring)
         if self.rule.control is not Control.none:
             raise ValueError(f"hebbian.control={self.rule.control.name} is for the maze; in an environment it is none")

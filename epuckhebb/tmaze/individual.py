@@ -11,7 +11,7 @@ from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled, nothing, one
 from epuckhebb.controller.network import PAPER_NETWORK, Network
 from epuckhebb.controller.plasticity.control import Control, Sign, Yoking
-from epuckhebb.controller.plasticity.rule import NO_RULE, NoRule, Reward, Rule, receives_reward
+from epuckhebb.controller.plasticity.rule import NO_RULE, Acts, NoRule, Reward, Rule, receives_reward
 from epuckhebb.controller.wiring import Wiring
 from epuckhebb.tmaze.fitness import Signal, signal_number
 from epuckhebb.tmaze.maze import Pose, Side
@@ -135,6 +135,10 @@ class Controller:
             raise ValueError(f"adaptation={self.adaptation.name} needs one goal a lifetime, got task={task.name}")
         if rule.reward is not Reward.given and not (task.gives_reward and receives_reward(type(rule))):
             raise ValueError(f"hebbian.reward={rule.reward.name} does nothing with {rule.name} and task={task.name}")
+        if rule.acts is Acts.before_change and not task.has_trials:
+            raise ValueError(
+                f"hebbian.acts=before_change needs a task of many trials, as task=reversal, got {task.name}"
+            )
         rule.check_wiring(wiring)
         if rule.sign_draw and rule.sign is not Sign.shuffled and rule.control is Control.none:
             draws = f"hebbian.sign={Sign.shuffled.name}, or for a yoked hebbian.control"

@@ -32,6 +32,7 @@ from epuckhebb.tmaze.physics_engine import Space
 from epuckhebb.tmaze.robot import OUTPUTS
 from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.senses import SenseWorkspace, blinding, largest_distance_reading, sense_workspace, senses
+from epuckhebb.tmaze.task import while_not_frozen
 
 _PAPER = Paper()
 _kernels: dict[tuple[object, ...], Any] = {}  # those that this process has used
@@ -167,6 +168,7 @@ def kernel_of(
         "draw_noise": normal_numbers(robot.inputs),
         **controller_parts(rule, network, schedule),
         **adaptation.hooks(robot, network.post[0])._asdict(),
+        **({"open_gate": while_not_frozen} if schedule.freezes else {}),
         "apply_sensor_faults": sensor_faults(robot),
         **task.hooks(robot.inputs)._asdict(),
         "move": physics.mover(robot),

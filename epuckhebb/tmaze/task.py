@@ -25,10 +25,14 @@ TRIAL = np.dtype(
         ("reached", np.int64),  # the end that the robot reached: -1 left, 1 right, 0 none
         ("steps", np.int64),  # until it arrived, or until the time was over
         ("nearest", np.float64),  # m: the least distance from an end
+        ("frozen", np.bool_),  # whether a rule that acts before the change does not act in it
     ],
     align=True,
 )
 _TO_ONE_GOAL = compiled(lambda setup, x, y: distance_to(x, y, setup.goal_x, setup.goal_y))
+while_not_frozen = compiled(
+    lambda life, _setup, _fitness, _step: 0.0 if life.trials[life.tally[0].trial].frozen else 1.0
+)
 NO_TRIALS = np.zeros(0, TRIAL)  # of a lifetime that is one trial, described by its outcome
 
 

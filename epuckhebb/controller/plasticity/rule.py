@@ -52,17 +52,25 @@ class Normalise(Enum):
     length = "length"  # the incoming weights of each neuron get their initial length, the root of their squares' sum
 
 
+class Acts(Enum):
+    """When a rule acts, where a lifetime is many trials: in all, or, as a control, before the rewarded end changes."""
+
+    always = "always"
+    before_change = "before_change"
+
+
 class Schedule(NamedTuple):
     """What of a rule's settings, besides its class, decides how its kernel is compiled.
 
     normalise: as in `Rule`. averages, pauses: whether `average` and `every` are more than 1. tracks: whether lifetimes
-    have a `control.Track`.
+    have a `control.Track`. freezes: whether it does not act in all trials.
     """
 
     normalise: Normalise = Normalise.none
     averages: bool = False
     pauses: bool = False
     tracks: bool = False
+    freezes: bool = False
 
 
 EVERY_STEP = Schedule()
@@ -89,7 +97,8 @@ class Rule(OwnClass):
     control has. initial_weights: `evolved` or `random`. reward: how a modulatory neuron receives a reward, as `given`
     or, as a control, `inverted`. normalise: what is done to the weights after an update. average: the activations that
     an update reads, the modulatory neuron's inputs too, are means over so many steps, over fewer at the start of a
-    lifetime. every: one step in so many has an update, the last of them.
+    lifetime. every: one step in so many has an update, the last of them. acts: `always`, or, as a control,
+    `before_change`: the weights are frozen from the trial on with which the rewarded end first changes.
 
     A subclass has a static method `synapse`, compiled by numba, which returns the direction of a weight's change. The
     program multiplies it by N_e, adds it to the weight and clips that to +-w_max. The arguments of `synapse` are any of
@@ -138,6 +147,7 @@ class Rule(OwnClass):
     normalise: Normalise = Normalise.none
     average: int = within(1, _MOST_STEPS, default=1)
     every: int = within(1, default=1)
+    acts: Acts = Acts.always
 
     def check_wiring(self, wiring: Wiring | None) -> None:
         """Refuse what works layer by layer for a wiring without layers; a ValueError."""
@@ -175,7 +185,7 @@ NO_RULE = NoRule()
 
 def schedule_of(rule: Rule) -> Schedule:
     """What decides, besides the class of a rule, how its kernel is compiled."""
-    return Schedule(rule.normalise, rule.average > 1, rule.every > 1)
+    return Schedule(rule.normalise, rule.average > 1, rule.every > 1, freezes=rule.acts is Acts.before_change)
 
 
 def bound_of(rule: Rule) -> float:

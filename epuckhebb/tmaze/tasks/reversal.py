@@ -2,20 +2,24 @@
 
 A lifetime has many trials. Each begins at rest at the start. It ends one second after the robot reaches an end of the
 maze, or when its time is over. During that second a network input is the reward: 1 at the rewarded end, -1 at the
-other, else 0. The lamp is off, and nothing else distinguishes the ends. In one trial the other end becomes the rewarded
-one, for the rest of the lifetime. That trial is drawn for each lifetime, and some lifetimes have none, so counting does
-not help. Weights, synapse states and the state of recurrent neurons last across trials.
+other, else 0. The lamp is off, and nothing else distinguishes the ends. At some trials, usually one, the other end
+becomes the rewarded one. They are drawn for each lifetime, and some lifetimes have none, so counting does not help.
+Weights, synapse states and the state of recurrent neurons last across trials.
 
 Without any of these all trials are alike but for the noise, so a robot as good on either side is rewarded in half of
-them. The best strategy is win-stay, lose-shift.
+them. The reward shows which end was the good one, whichever the robot reached, so nothing need be explored. The best
+choice is the end that is good more probably after all that was rewarded so far: in the usual task win-stay, lose-shift.
 
 Source: after Soltoggio, Bullinaria, Mattiussi, Durr & Floreano, Evolutionary advantages of neuromodulated plasticity in
-dynamic, reward-based scenarios, ALIFE XI, 2008.
+dynamic, reward-based scenarios, ALIFE XI, 2008. How often the world changes in a lifetime, and how long that is:
+Kozielska & Weissing, A neural network model for the evolution of learning in changing environments, PLoS Comput. Biol.
+20, 2024.
 """
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import Enum
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -34,6 +38,14 @@ from epuckhebb.tmaze.sensors import InputGroup, RewardInput
 from epuckhebb.tmaze.task import TRIAL, Hooks, Task, rewarded
 
 _ENDS = {"left": -1, "right": 1}
+_LAST_SWITCH = 8  # unless the lifetime is shorter, or the user says another
+
+
+class First(Enum):
+    """The end that is rewarded first: in each pair of lifetimes either one, or always the left one."""
+
+    drawn = "drawn"
+    left = "left"
 
 
 class Terms(NamedTuple):
@@ -56,9 +68,13 @@ class Terms(NamedTuple):
 class Reversal(Task):
     """The settings of reversal learning.
 
-    trials: of a lifetime. first_switch, last_switch: the rewarded end changes at one of these trials, counted from 1,
-    all equally likely. never: share of the lifetimes in which it does not change. reward: as given, or, as a control,
-    inverted where the network reads it; what counts stays the same. reward_s: for how long the reward is given [s].
+    trials: of a lifetime. switches: how often the rewarded end changes in a lifetime. first_switch, last_switch: it
+    changes at trials from the one to the other, counted from 1, two or more apart, all such sets of trials equally
+    likely; None for the eighth trial, or the last one if there are fewer. never: share of the lifetimes in which it
+    does not change. With no switches, these three mean nothing. first: the end that is rewarded first. Lifetimes come
+    in pairs, of which the side names one, with the same switches. `drawn`: the side is the end that is rewarded first.
+    `left`: in both that is the left end, and they differ in their noise. reward: as given, or, as a control, inverted
+    where the network reads it; what counts stays the same. reward_s: for how long the reward is given [s].
     time_out_s: when a trial without an arrival is over [s]. time_outs: after this number of them the lifetime is over,
     and the remaining trials count as not rewarded. end_bonus, progress_bonus: fitness for reaching an end in every
     trial, and for coming near one, besides the rewarded share; they guide evolution before robots arrive.
@@ -68,8 +84,10 @@ class Reversal(Task):
     has_trials: ClassVar[bool] = True
 
     trials: int = within(2, 1000, default=10)
+    switches: int = within(0, default=1)
     first_switch: int = 2
-    last_switch: int = 8
+    last_switch: int | None = None
+    first: First = First.drawn
     never: float = within(0, 1, default=0.125)
     reward: Reward = Reward.given
     reward_s: float = within(STEP_S, default=1.0)
@@ -80,8 +98,16 @@ class Reversal(Task):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.last_switch is None:
+            object.__setattr__(self, "last_switch", min(_LAST_SWITCH, self.trials))
         check_value("task.last_switch", self.last_switch, Range(2, self.trials))
-        check_value("task.first_switch", self.first_switch, Range(2, self.last_switch))
+        check_value("task.first_switch", self.first_switch, Range(2, self._last))
+        if not _ways(self._window, self.switches):
+            most = (self._window + 1) // 2
+            raise ValueError(
+                f"task.switches must be at most {most}, as many as fit from task.first_switch={self.first_switch} to "
+                f"task.last_switch={self._last} (of task.trials={self.trials}), two trials apart; got {self.switches}"
+            )
 
     def check(self, lamp_intensity: float, duration_s: float) -> None:
         """See `Task`: a lamp would show the first side, and there must be time for every trial."""
@@ -113,42 +139,76 @@ class Reversal(Task):
         )
 
     def initial_trials(self, side: Side, key: int) -> NDArray[np.void]:
-        """See `Task`. side: the end that is rewarded first."""
-        switch = self.switch(key)
+        """See `Task`. side: the end that is rewarded first, if that is drawn.
+
+        A rule that acts before the change is frozen from the first switch on. In a lifetime without a switch that is
+        the middle of the trials in which switches are drawn.
+        """
+        switches = self.drawn_switches(key)
         trials = np.zeros(self.trials, TRIAL)
         trials["nearest"] = math.inf
-        trials["good"] = _ENDS[side]
-        if switch:
+        trials["good"] = _ENDS["left" if self.first is First.left else side]
+        for switch in switches:
             trials["good"][switch - 1 :] *= -1
+        frozen_from = switches[0] if switches else (self.first_switch + self._last) // 2
+        trials["frozen"][frozen_from - 1 :] = True
         return trials
 
-    def switch(self, key: int) -> int:
-        """The trial, counted from 1, from which on the other end is rewarded; 0 for none. key: of random numbers."""
-        drawn = rng(key, Stream.switches)
-        never, place = drawn.random(2)
-        return 0 if never < self.never else self.first_switch + int(place * (self.last_switch - self.first_switch + 1))
+    def drawn_switches(self, key: int) -> list[int]:
+        """The trials, counted from 1, at which the other end becomes the rewarded one. key: of random numbers.
 
-    def switches(self) -> dict[int, float]:
-        """The probability of each trial that the rewarded end changes there; 0: never."""
-        likely = range(self.first_switch, self.last_switch + 1)
-        return {0: self.never, **dict.fromkeys(likely, (1 - self.never) / len(likely))}
+        Sets with gaps are the subsets of a shorter row of trials, drawn by the algorithm of Floyd (Bentley & Floyd,
+        Commun. ACM 30 (1987) 754), which are then moved apart.
+        """
+        never, *places = rng(key, Stream.switches).random(1 + self.switches)
+        if never < self.never:
+            return []
+        chosen: set[int] = set()
+        room = self._window - (self.switches - 1)
+        for last, place in enumerate(places, start=room - self.switches):
+            at = int(place * (last + 1))
+            chosen.add(last if at in chosen else at)
+        return [self.first_switch + at + number for number, at in enumerate(sorted(chosen))]
+
+    @property
+    def _last(self) -> int:
+        assert self.last_switch is not None  # since `__post_init__`
+        return self.last_switch
+
+    @property
+    def _window(self) -> int:
+        """At how many trials the rewarded end may change."""
+        return self._last - self.first_switch + 1
 
     def limits(self) -> dict[str, float]:
-        """See `Task`.
+        """See `Task`: means over lifetimes, from the number of sets of switches that agree with what was seen.
 
-        Lifetimes come in pairs: one with each end rewarded first, and the switch at the same trial. A fixed sequence of
-        choices is therefore right in one lifetime wherever it is wrong in the other: chance. The optimum is on average
-        over lifetimes. The first trial is a guess. From then on the last reward shows the good end, and the best choice
-        is to stay with it while a change is less likely than not: win-stay, lose-shift. After the change the good end
-        is certain.
+        chance: of the best fixed sequence of choices. Where the first end is drawn, any sequence is right in one
+        lifetime of a pair wherever it is wrong in the other. Where it is the left one, the best sequence takes the end
+        that is good in more lifetimes, trial by trial.
+
+        optimum: of the best choices after the rewards so far, which show all earlier good ends. After j switches, the
+        last of them two trials ago or earlier, another one comes now in `here` of the sets, and does not in `not_here`;
+        right after a switch none comes. The first trial is a guess, unless the first end is always the left one.
         """
-        chances = self.switches()
-        expected = 0.5
+        window, first, last = self._window, self.first_switch, self._last
+        weight = (1 - self.never) / _ways(window, self.switches) if self.switches else 1.0
+        is_drawn = self.first is First.drawn
+        chance = optimum = 0.5 if is_drawn else 1.0
         for trial in range(2, self.trials + 1):
-            before = sum(chances.get(earlier, 0.0) for earlier in range(2, trial))
-            here = chances.get(trial, 0.0)
-            expected += before + max(here, 1 - before - here)
-        return {"chance": 0.5, "optimum": expected / self.trials}
+            stayed = 0.0  # probability that the good end is that of the first trial
+            for j in range(self.switches + 1):
+                left = self.switches - j
+                later = _ways(min(window, last - trial), left)
+                seen = _ways(min(trial - 1 - first, window), j)
+                just = _ways(trial - 2 - first, j - 1) if first < trial <= last + 1 else 0
+                here = seen * weight * _ways(last - trial - 1, left - 1) if first <= trial <= last else 0.0
+                not_here = seen * weight * later + (self.never if self.switches and not j else 0.0)
+                after = just * weight * later
+                optimum += max(here, not_here) + after
+                stayed += here if j % 2 else not_here + after
+            chance += 0.5 if is_drawn else max(stayed, 1 - stayed)
+        return {"chance": chance / self.trials, "optimum": optimum / self.trials}
 
     def fitness(
         self,
@@ -165,6 +225,12 @@ class Reversal(Task):
 
 def _steps(seconds: float) -> int:
     return math.floor(seconds / STEP_S + 1e-9)
+
+
+def _ways(trials: int, switches: int) -> int:
+    """How many sets of so many switches, two trials or more apart, there are among trials; fewer than none are none."""
+    places = max(trials, 0) - switches + 1
+    return math.comb(places, switches) if min(places, switches) >= 0 else 0
 
 
 def _to_nearer_end(setup: Any, x: float, y: float) -> float:
