@@ -42,10 +42,10 @@ FRESH = 1001  # seed of the lifetimes in which champions are tested
 class ChangeAndLifespan(epuckhebb.Study):
     """Reversal learning by the number of switches and of trials: rewarded shares of champions and of their controls.
 
-    *frozen*: the rule acts until the rewarded end first changes (without a change, until the middle of the trials in
-    which it may change). *off*: no plasticity. *inverted*: the network or its rule receives the reward with the other
-    sign. The primary test is `modulated` less its own frozen weights at one switch in 30 trials, first end drawn; all
-    else is description.
+    *off*: the same champion with its weights frozen from the start. *frozen*: the rule acts until the rewarded end
+    first changes (without a change, until the middle of the trials in which it may change). *inverted*: the network or
+    its rule receives the reward with the other sign. The primary test is `modulated` less itself with its weights
+    frozen from the start, at one switch in 30 trials, first end drawn; all else is description.
     """
 
     seeds: list[int] = field(default_factory=lambda: list(range(601, 617)))
@@ -123,16 +123,16 @@ def _cells(champions):
 
 
 def _differences(champions):
-    """`modulated` less its own frozen weights, and less itself without plasticity; p of the primary test alone."""
+    """`modulated` less itself with its weights frozen from the start, and from the change; p of the primary test alone."""
     rows = []
     for cell, own in champions[champions.method == "modulated"].groupby(CELL, sort=False):
-        for control in (FROZEN, OFF):
+        for control in (OFF, FROZEN):
             difference = (own[RULE] - own[control]).to_numpy()
             low, high = bootstrap(mean, difference)
             row = {**dict(zip(CELL, cell, strict=True)), "control": control, "champions": len(own)}
             row |= {"difference": difference.mean(), "difference_low": low, "difference_high": high}
             counts = np.rint(difference * own.trials * own.lifetimes).astype(int)  # of rewarded trials
-            is_primary = (cell, control) == (PRIMARY, FROZEN)
+            is_primary = (cell, control) == (PRIMARY, OFF)
             rows.append(row | {"p": sign_flip(counts.to_numpy()) if is_primary else np.nan})
     return pd.DataFrame(rows)
 
