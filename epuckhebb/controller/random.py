@@ -34,6 +34,8 @@ class Stream(IntEnum):
     evaluation_task = 13
     training_task = 14
     flock = 15
+    reading_noise = 16
+    environment_check = 17
 
 
 def rng(seed: int, stream: Stream, *place: int) -> np.random.Generator:
