@@ -83,9 +83,8 @@ def run_lifetimes(
     count = min(len(works), processes * _CHUNKS)
     chunks = [works[k * len(works) // count : (k + 1) * len(works) // count] for k in range(count)]
     with hydra.joblib_workers():
-        found = joblib.Parallel(n_jobs=processes)(
-            joblib.delayed(_live_chunk)(*values, is_fresh, chunk) for chunk in chunks
-        )
+        jobs = [joblib.delayed(_live_chunk)(*values, is_fresh, chunk) for chunk in chunks]
+        found = joblib.Parallel(n_jobs=processes)(jobs)
     return [first, *(lives for chunk in found for lives in chunk)]
 
 

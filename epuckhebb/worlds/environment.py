@@ -188,10 +188,10 @@ class World:
         reward, step, has_ended, is_cut = 0.0, -1, False, False
         try:
             observation, _ = env.reset(seed=seed)
+            readings = read(observation)
             for step in range(steps):
                 while changes and step == changes[0][AT]:
                     self._apply(changes.pop(0), env, faults)
-                readings = read(observation)
                 if faults.dead:
                     readings[faults.dead] = 0.0
                 for place, deviation in faults.noise.items():
@@ -203,10 +203,10 @@ class World:
                 if watch:
                     watch(env)
                 observation, reward, has_ended, is_cut, _ = do(action)
-                rewards[step] = reward = _finite(reward, "a reward")
+                readings, reward = read(observation), _finite(reward, "a reward")
+                rewards[step] = reward
                 if has_ended or is_cut:
                     break
-            read(observation)
             _finite(rewards.sum(), "the sum of the rewards")
         except PartError:
             raise

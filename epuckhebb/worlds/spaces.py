@@ -1,7 +1,7 @@
 """From observations to readings and from outputs to actions, for the spaces of Gymnasium.
 
-A reading of a Box is tanh(x / scale); a Discrete observation is a 1 among zeros. An action is the outputs, from -1 to 1,
-between the bounds of a Box, or the place of the largest output for a Discrete.
+A reading of a Box is tanh(x / scale); a Discrete observation is a 1 among zeros. An action of a Box is the outputs,
+from -1 to 1, between its bounds; of a Discrete it is the place of the largest output.
 """
 
 from collections.abc import Callable
@@ -93,7 +93,8 @@ def actor(space: Any) -> Callable[[Floats], Any]:
             f"action {place} has a bound on one side alone ({ends}), and outputs go from -1 to 1; give an environment "
             "of your own that makes this one in gymnasium.wrappers.TransformAction(env, FUNCTION, Box(-1, 1, SHAPE))"
         )
-    middle, half = np.where(has_low, (high + low) / 2.0, 0.0), np.where(has_low, (high - low) / 2.0, 1.0)
+    low, high = np.where(has_low, low, -1.0), np.where(has_low, high, 1.0)
+    middle, half = (high + low) / 2.0, (high - low) / 2.0
     kind, is_whole = space.dtype, np.issubdtype(space.dtype, np.integer)
     if is_whole:
         return lambda outputs: np.rint(middle + outputs.reshape(middle.shape) * half).astype(kind)

@@ -96,9 +96,7 @@ def try_world(world: "World") -> Findings:
         began = time.perf_counter()
         with _made(world):
             cost = time.perf_counter() - began
-        notes.append(
-            f"A reset leaves traces of the lifetime before: each gets a new environment, made in {cost:.2g} s."
-        )
+        notes.append(f"Resets leave traces of the lifetime before: each gets a new environment, made in {cost:.2g} s.")
     notes += _changes(world, first) if can_repeat else []
     if world.changes and not can_repeat:
         notes.append("Whether changes act cannot be tested: two environments without them differ.")
