@@ -250,6 +250,18 @@ def test_a_change_after_which_no_step_goes_is_refused():
         world(Breaks, [{"at": 5, "frames": 2.5}])[0].check()
 
 
+@pytest.mark.parametrize("error", [SystemExit, RuntimeError])
+def test_whatever_a_step_raises_names_the_step_and_the_line(error):
+    class Fails(Sum):
+        def step(self, action):
+            if len(self.actions) == 4:
+                raise error("on fire")
+            return super().step(action)
+
+    with pytest.raises(PartError, match=r"environment here: step 4 \(seed 3\) failed in line \d+: .*on fire"):
+        run(Fails)
+
+
 @pytest.mark.parametrize(
     ("observation", "reward", "text"),
     [

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.compiling.errors import NotCompiledError
 from epuckhebb.controller.controller import Controller
 from epuckhebb.controller.own_class import PartError, calling
 from epuckhebb.controller.random import Stream, rng
@@ -208,9 +209,9 @@ class World:
                 if has_ended or is_cut:
                     break
             _finite(rewards.sum(), "the sum of the rewards")
-        except PartError:
+        except (PartError, NotCompiledError):
             raise
-        except Exception:
+        except BaseException:
             with calling(f"environment {self.name}: {f'step {step}' if step >= 0 else 'reset'} (seed {seed})"):
                 raise
         return rewards[: step + 1]
