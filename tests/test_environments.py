@@ -5,6 +5,7 @@ import math
 import re
 import sys
 from contextlib import chdir
+from functools import partial
 from pathlib import Path
 
 import gymnasium
@@ -15,16 +16,19 @@ from cases import call, check_resumed, described_columns, done, refused
 from PIL import Image, ImageSequence
 
 import epuckhebb
-from epuckhebb.analysis.environments import effects, over_lifetime
+from epuckhebb.analysis.environments import effects, over_lifetime, readable, table, unreached
 from epuckhebb.config import load_any
 from epuckhebb.controller.controller import Controller
+from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.plasticity.rule import Normalise
 from epuckhebb.controller.plasticity.rules.abcd import ABCD
+from epuckhebb.controller.random import Stream, rng
 from epuckhebb.runs.environments import Work, run_lifetimes
 from epuckhebb.runtime import ConfigError
 from epuckhebb.worlds.changes import CHANGES, Faults, apply
 from epuckhebb.worlds.environment import Environment, Lived, World
 
+REFERENCE = Path(__file__).parents[1] / "runs" / "reference"
 EXAMPLE = Path(__file__).parents[1] / "examples" / "any_world" / "thermostat.py"
 CLIMBER = f"{EXAMPLE.parents[1] / 'own_optimizer' / 'hill_climber.py'}:HillClimber"
 SMALL = ["optimizer.generations=2", "optimizer.population=4", "optimizer.starts=4", "optimizer.confirm=1"]
@@ -66,7 +70,10 @@ def test_metrics_have_the_columns_of_an_environment_and_the_controls_of_a_rule()
     assert list(rows.controller.unique()) == names
     assert list(pd.read_csv("tested/lifetime.csv")) == described_columns("lifetime.csv")
     assert list(pd.read_csv("tested/table.csv")) == described_columns("table.csv in an environment")
-    assert (rows["return_before"] + rows["return_after"] == rows["return"]).all()
+    assert (rows["return_before"] + rows["return_after"].fillna(0) == rows["return"]).all()
+    assert (rows.reached == (rows.steps > 60)).all()
+    assert (rows.return_after.isna() == (rows.reached == 0)).all()
+    assert list(pd.read_csv("tested/table.csv").reached) == list(rows.groupby("controller", sort=False).reached.sum())
     assert set(rows.change) == {"length=2.0 action_delay=1 at 60"}
     assert (rows.weight_change_mean[rows.controller == names[0]] == 0).all()
     own, frozen = (rows[rows.controller == name].reset_index() for name in (names[1], names[-1]))
@@ -152,6 +159,47 @@ def test_a_loss_that_comes_late_is_no_recovery_at_once():
     assert np.isnan(recovery([1.0] * 300))  # it ended early
 
 
+def by_hand(config, genes, seed, *, frozen):
+    """A lifetime of an evaluation with noise from step 5 and dead readings from step 9 on, as a loop of one's own."""
+    env, rule = gymnasium.make("CartPole-v1", max_episode_steps=config.environment.horizon), config.rule
+    controller = Controller(genes, config.network_made, rule, step_s=config.environment.step_s)
+    observation, _ = env.reset(seed=seed)
+    controller.reset(seed)
+    noise, weights, is_over, step, reward = rng(seed, Stream.reading_noise), [], False, 0, 0.0
+    while not is_over:
+        readings = np.tanh(observation.astype(float) * (1 / np.array([2.4, 2.0, 0.21, 2.0])))
+        if step >= 9:
+            readings[3] = 0.0
+        if step >= 5:
+            readings[1] += 0.5 * noise.standard_normal()
+        if frozen and step >= 5:
+            controller.rate = 0.0
+        outputs = controller.act(readings, reward)
+        weights.append(controller.weights.copy())
+        observation, reward, ended, cut, _ = env.step(int(outputs.argmax()))
+        is_over, step = ended or cut, step + 1
+    return np.array(weights)
+
+
+@pytest.mark.usefixtures("runs")
+def test_lifetimes_are_those_of_a_loop_by_hand():
+    changes = "environment.changes=[{at: 9, dead_readings: [3]}, {at: 5, noisy_readings: {1: 0.5}}]"
+    config = load_any("evaluate", ["genome=abcd", "environment=cartpole", changes])
+    genes = np.random.default_rng(2).uniform(-1, 1, plan_of(config.network_made, ABCD).genes)
+    own, frozen = 1, len(config.controllers) - 1
+    seeds = tuple(range(20, 28))
+    found = {number: run_lifetimes(config, [Work(number, genes, seeds, record=True)], 1)[0] for number in (own, frozen)}
+    for number, lives in found.items():
+        for seed, lived in zip(seeds, lives, strict=True):
+            weights = by_hand(config, genes, seed, frozen=number == frozen)
+            assert len(lived.rewards) == len(weights)
+            moved = np.abs(np.diff(weights, axis=0)).sum(axis=1)
+            np.testing.assert_array_equal(lived.weight_steps[1:], moved)
+            assert (moved[5:] > 0).any() == (number == own)
+            assert moved[:4].all()
+    assert len({lived.weight_change_final for lived in found[own]}) == len(seeds)
+
+
 def test_a_lifetime_that_has_ended_earns_nothing():
     lives = [Lived(np.ones(steps), 0.0, 0.0, 0.0, np.zeros(steps), np.zeros(steps)) for steps in (100, 55)]
     rows = pd.DataFrame(over_lifetime(["one", "one"], lives, 100))
@@ -179,6 +227,66 @@ def test_effects_are_those_of_scipy_on_means_of_champions():
     signs = np.array(list(itertools.product((1, -1), repeat=7))) @ paired.to_numpy() / 7
     assert found.p["abcd (frozen at the change)"] == pytest.approx((abs(signs) >= abs(paired.mean()) - 1e-12).mean())
     assert (found.p_holm >= found.p).all()
+
+
+@pytest.mark.parametrize("budget", ["legs", "legs_300"])
+def test_effects_of_the_committed_champions_are_the_committed_ones(budget):
+    read = partial(pd.read_csv, keep_default_na=False, na_values=["nan"])
+    champions = read(REFERENCE / budget / "champions.csv").assign(environment="halfcheetah")
+    pd.testing.assert_frame_equal(
+        effects(champions, ["environment", "change"]), read(REFERENCE / budget / "effects.csv"), rtol=1e-12
+    )
+
+
+def lifetimes(**after):
+    """Lifetimes of champions with their returns after a change, nan for those that ended before it."""
+    rows = [
+        {"genome": genome, "controller": "abcd", "N": 0.1, "return": 1.0, "return_before": 1.0, "steps": 5}
+        | {"return_after": value, "reached": int(np.isfinite(value)), "recovery_steps": value if value > 5 else np.nan}
+        | {"weight_change_mean": 0.0, "saturated_fraction": 0.0}
+        for genome, values in after.items()
+        for value in values
+    ]
+    return pd.DataFrame(rows)
+
+
+@pytest.mark.parametrize(
+    ("after", "mean", "reached", "recovered"),
+    [
+        ({"one": [4.0, np.nan, 8.0, np.nan]}, 6.0, 2, 1),
+        ({"one": [4.0, np.nan], "two": [10.0, 20.0], "three": [np.nan, np.nan]}, 9.5, 3, 2),
+        ({"one": [6.0, 7.0, 8.0]}, 7.0, 3, 3),
+        ({"one": [np.nan, np.nan]}, np.nan, 0, 0),
+    ],
+)
+def test_means_after_a_change_are_over_the_lifetimes_that_reached_it(after, mean, reached, recovered):
+    rows = table(lifetimes(**after))
+    row = rows.iloc[0]
+    assert row.return_after == pytest.approx(mean, nan_ok=True)
+    assert (row.reached, row.recovered, row.lifetimes) == (reached, recovered, sum(map(len, after.values())))
+    assert len(unreached(rows)) == (reached < 0.9 * row.lifetimes)
+    cell = readable(rows).rows[0][3]
+    assert (f"({reached} of {row.lifetimes})" in cell) == (0 < reached < row.lifetimes)
+
+
+def test_effects_leave_out_champions_that_did_not_reach_the_change():
+    every = {f"c{n}": [float(n), np.nan if n % 2 else n + 2.0] for n in range(8)}
+    own = lifetimes(**every).assign(environment="x", change="y")
+    frozen = lifetimes(**{**every, "c0": [np.nan, np.nan]}).assign(
+        environment="x", change="y", controller="abcd (frozen at the change)"
+    )
+    frozen.return_after -= 1.5
+    (row,) = effects(pd.concat([own, frozen]), ["environment", "change"]).itertuples()
+    assert (row.champions, row.others, row.effect) == (7, 7, pytest.approx(1.5))
+
+
+@pytest.mark.usefixtures("runs")
+def test_a_change_that_few_lifetimes_reach_is_noted():
+    late = "environment.changes=[{at: 119, length: 2.0}]"
+    shown = done("evaluate", "genome=abcd", late, "repeats=2", "hydra.run.dir=late").stdout
+    assert "Reached the change: 0 of 2 lifetimes" in shown
+    assert "Reached the change: 0 of 2 lifetimes" in Path("late/table.md").read_text()
+    assert pd.read_csv("late/metrics.csv").return_after.isna().any()
 
 
 @pytest.mark.usefixtures("runs")
@@ -225,7 +333,7 @@ def test_cartpole_is_solved():
     ],
 )
 def test_named_changes_do_what_they_say(change, look, expected):
-    env, faults = gymnasium.make("HalfCheetah-v5").unwrapped, Faults()
+    env, faults = gymnasium.make("HalfCheetah-v5").unwrapped, Faults(inputs=17)
     apply({"at": 1, **change}, env, faults, {})
     assert look(env, faults) == pytest.approx(expected)
     assert set(change) <= set(CHANGES)
@@ -289,6 +397,13 @@ def test_averaging_and_a_slow_update_calm_the_weights():
         (["environment=cartpole", "change=nope"], ["change", "heavy"]),
         (["environment=cartpole", "network.layers=[5, 2]"], ["network.layers", "4"]),
         (["environment=cartpole", "hebbian=abcd", "hebbian.signal=behaviour"], ["hebbian.signal", "reward"]),
+        (["environment=cartpole", "fitness.function=own.py:Mine"], ["no key fitness.function", "in an environment"]),
+        (["environment=cartpole", "+fitness.function=own.py:Mine"], ["no key fitness.function"]),
+        (["environment=cartpole", "+task.trials=3"], ["no key task.trials"]),
+        (["environment=cartpole", "+physics.friction=3"], ["no key physics.friction"]),
+        (["environment=cartpole", "environment.changes=[{at: true, length: 1}]"], ["{at: STEP"]),
+        (["environment=acrobot", "environment.changes=[{at: 5, LINK_LENGTH_2: 2}]"], ["LINK_LENGTH_2", "LINK_MASS_2"]),
+        (["environment=cartpole", "environment.scale=x"], ["environment.scale", "4"]),
         (["environment=cartpole", "scenario=base"], ["scenario", "in an environment"]),
         (["environment=cartpole", "robot.solid=null"], ["robot"]),
         (["environment=cartpole,tmaze"], ["tmaze"]),

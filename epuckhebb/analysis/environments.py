@@ -16,6 +16,7 @@ _RETURNS = ("return", "return_before", "return_after")
 _MEANS = (*_RETURNS, "steps", "recovery_steps", "weight_change_mean", "saturated_fraction")
 _WORLD = ("environment", "change")
 _BINS = 50  # of a lifetime, in `lifetime.csv`
+_ENOUGH = 0.9  # share of the lifetimes that reach a change, below which a note says so
 _ROUND = 100  # from which on returns are read without decimals
 
 
@@ -44,7 +45,8 @@ def table(metrics: pd.DataFrame, by: Sequence[str] = ("controller", "N")) -> pd.
     """A row for each condition, with means and 95 % bootstrap intervals of returns.
 
     With several champions each is one case, the mean of its lifetimes, and intervals are over champions; of a single
-    champion they are over its lifetimes, and about the noise alone.
+    champion they are over its lifetimes, and about the noise alone. Means after a change are over the lifetimes that
+    reached it; `reached` counts them.
     """
     metrics = metrics.assign(**{name: pd.to_numeric(metrics[name]) for name in ("N", *_MEANS)})
     rows: list[dict[str, Any]] = []
@@ -57,9 +59,17 @@ def table(metrics: pd.DataFrame, by: Sequence[str] = ("controller", "N")) -> pd.
             row[column] = float(np.nanmean(values)) if np.isfinite(values).any() else np.nan
             if column in _RETURNS:
                 row[f"{column}_low"], row[f"{column}_high"] = bootstrap(mean, values)
+        row["reached"] = int(own.reached.sum())
         row["recovered"] = int(own.recovery_steps.notna().sum())
         rows.append(row)
     return pd.DataFrame(rows)
+
+
+def unreached(rows: pd.DataFrame) -> list[str]:
+    """A note on the controllers of a table of which few lifetimes reached the change; else nothing."""
+    few = rows[rows.reached < _ENOUGH * rows.lifetimes]
+    counts = [f"{row['reached']} of {row['lifetimes']} lifetimes of {row['controller']}" for _, row in few.iterrows()]
+    return [f"Reached the change: {', '.join(counts)}. Means after it are over these alone."] if counts else []
 
 
 def tables(metrics: pd.DataFrame, settings: Sequence[str]) -> dict[str, pd.DataFrame]:
@@ -77,7 +87,8 @@ def effects(metrics: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     """The effect of each rule on the return after a change: a row for each world and what the rule is compared with.
 
     A rule is compared with its own weights frozen at the change, on the same champions, and with champions that were
-    evolved without a rule, which are others. The p values of the table are corrected together, by Holm. A condition
+    evolved without a rule, which are others. Lifetimes that ended before the change, and champions of which all did,
+    are left out. The p values of the table are corrected together, by Holm. A condition
     with fewer than six champions has no row.
 
     Source of the tests: permutations of champions, Good (2005); scipy draws them where they are too many to list.
@@ -89,21 +100,25 @@ def effects(metrics: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     rows: list[dict[str, Any]] = []
     for world, own in metrics[metrics.change.fillna("") != ""].groupby(list(by), sort=False, dropna=False):
         after = {
-            str(name): (rates.N.max() > 0, rates.groupby("genome", sort=False).return_after.mean())
+            str(name): (rates.N.max() > 0, rates.groupby("genome", sort=False).return_after.mean().dropna())
             for name, rates in own.groupby("controller", sort=False)
         }
         for name, (is_plastic, ours) in after.items():
             others = [f"{name} (frozen at the change)"] + [one for one in after if not (after[one][0] or "(" in one)]
             for other in others if is_plastic and "(" not in name else ():
-                if other not in after or min(len(ours), len(theirs := after[other][1])) < LEAST:
-                    continue
                 is_paired = "(" in other
-                values = ours.to_numpy(float), (theirs[ours.index] if is_paired else theirs).to_numpy(float)
+                pair = ours, after[other][1] if other in after else ours[:0]
+                if is_paired:
+                    both = pair[0].index.intersection(pair[1].index, sort=False)
+                    pair = pair[0][both], pair[1][both]
+                if min(map(len, pair)) < LEAST:
+                    continue
+                values = pair[0].to_numpy(float), pair[1].to_numpy(float)
                 found = (mean, values[0] - values[1]) if is_paired else (difference, *values)
                 kind = "samples" if is_paired else "independent"
                 p = stats.permutation_test(values, _of_means, permutation_type=kind, rng=0).pvalue
                 row = {"controller": name, "against": other, "is_paired": is_paired}
-                row |= {"champions": len(ours), "others": len(theirs)}
+                row |= {"champions": len(pair[0]), "others": len(pair[1])}
                 ends = dict(zip(("effect_low", "effect_high"), bootstrap(*found), strict=True))
                 effect = {"effect": values[0].mean() - values[1].mean(), **ends, "p": float(p)}
                 rows.append(dict(zip(by, world, strict=True)) | row | effect)
@@ -117,10 +132,13 @@ def readable(rows: pd.DataFrame, title: str = "") -> Table:
     headings = [*first, "return", "before", "after", "recovery (steps)", "weight change"]
     lines = []
     for _, row in rows.iterrows():
+        returns = [with_interval(row, name, ".1f" if abs(row[name]) < _ROUND else ".0f") for name in _RETURNS]
+        if 0 < row["reached"] < row["lifetimes"]:
+            returns[-1] += f" ({row['reached']} of {row['lifetimes']})"
         recovery = f"{row['recovery_steps']:.0f} ({row['recovered']} of {row['lifetimes']})"
         line = [
             *(plain(str(row[name])) for name in first),
-            *(with_interval(row, name, ".1f" if abs(row[name]) < _ROUND else ".0f") for name in _RETURNS),
+            *returns,
             recovery if row["recovered"] else "–",
             f"{row['weight_change_mean']:.3g}",
         ]

@@ -29,7 +29,9 @@ def print_evaluation(run: Run, console: Console) -> None:
         first, repeats = metrics[0], len({row["repeat"] for row in metrics})
         world = f"{first['environment']}, {first['change'] or 'nothing changes'}"
         title = f"{world}: genome {first['genome']}, {repeats} lifetimes (seed {first['seed']})"
-        _print(environments.readable(run.table("table.csv"), title), console)
+        rows = run.table("table.csv")
+        _print(environments.readable(rows, title), console)
+        below = [*below, *(environments.unreached(rows) if first["change"] else ())]
     elif run.has("reversal.csv"):
         _print(reversal.readable(run.table("reversal.csv"), _title(metrics)).only(0, 1, 2), console)
     else:

@@ -27,7 +27,6 @@ _FORCED_DIR = re.compile(rf"^\+\+(?={RUN_DIR}|{SWEEP_DIR})")
 _PLAIN = re.compile(r"[A-Za-z0-9_./:%@+-]+")  # what needs no quotes as the value of an override
 _FROM_TO = re.compile(r"([^,]*?)(\d+),\.\.\.,\1(\d+)")  # of names that end in a number
 _NUMBERED = ("genome", "start", "seed")  # keys of which the values between two need not be written out
-_BELOW = tuple(f"{key}." for key in OPEN)  # the schema does not know what keys there are
 OF_ENVIRONMENT = "_environment"  # ends the names of the configurations that are not of the maze
 _ENVIRONMENT, _MAZE = "environment=", "environment=tmaze"
 _MOST_JOBS = 100_000  # of one call
@@ -78,6 +77,7 @@ def _with_those_between(ends: re.Match[str]) -> str:
 def check_words(command: str, words: Sequence[str], *, several: bool = False) -> None:
     """Refuse keys that the schema does not know, and several values for a key unless there is a job for each."""
     choices, known = conf.groups(command), known_keys(command)
+    open_keys = tuple(f"{key}." for key in OPEN if key in known)  # the schema does not know what keys are below
     for override in parsed(word for word in words if not word.startswith("-")):
         key, line = override.key_or_group, str(override.input_line)
         if key == "changed":
@@ -91,7 +91,7 @@ def check_words(command: str, words: Sequence[str], *, several: bool = False) ->
             isinstance(value, ChoiceSweep) and any(isinstance(one, Sweep | Glob) for one in value.list)
         ):
             raise ConfigError(f"{line}: patterns, and ranges in a list, are not read; give the values, or one range")
-        if key not in known and key not in choices and not key.startswith(("hydra.", "hydra/", *_BELOW)):
+        if key not in known and key not in choices and not key.startswith(("hydra.", "hydra/", *open_keys)):
             verb, _, is_of_environment = command.partition("_")
             where = f"`epuckhebb {verb}`{' in an environment' if is_of_environment else ''}"
             hint = did_you_mean(key, known)

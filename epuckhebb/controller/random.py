@@ -36,6 +36,8 @@ class Stream(IntEnum):
     flock = 15
     yoked_places = 16
     random_genome = 17
+    reading_noise = 18
+    environment_check = 19
 
 
 def rng(seed: int, stream: Stream, *place: int) -> np.random.Generator:

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.analysis import environments as analysis
+from epuckhebb.analysis.tables import plain
 from epuckhebb.config import (
     EnvironmentConfig,
     EvaluateEnvironment,
@@ -72,17 +73,18 @@ def run_lifetimes(
     The first work is run here, and so are all others if processes would take longer to start. times: how often as much
     work comes.
     """
-    began = time.perf_counter()
-    first, works = _live(config, works[0]), works[1:]
+    is_fresh, began = config.world.findings.needs_fresh, time.perf_counter()
+    first, works = _live(config, works[0], is_fresh), works[1:]
     if processes < 2 or not works or (time.perf_counter() - began) * len(works) * times < _WORTH_S:
-        return [first, *(_live(config, work) for work in works)]
+        return [first, *(_live(config, work, is_fresh) for work in works)]
     import joblib
 
     values = config.command.partition("_")[0], json.dumps(config.values)
     count = min(len(works), processes * _CHUNKS)
     chunks = [works[k * len(works) // count : (k + 1) * len(works) // count] for k in range(count)]
     with hydra.joblib_workers():
-        found = joblib.Parallel(n_jobs=processes)(joblib.delayed(_live_chunk)(*values, chunk) for chunk in chunks)
+        jobs = [joblib.delayed(_live_chunk)(*values, is_fresh, chunk) for chunk in chunks]
+        found = joblib.Parallel(n_jobs=processes)(jobs)
     return [first, *(lives for chunk in found for lives in chunk)]
 
 
@@ -93,9 +95,9 @@ def _config(command: str, values: str) -> Any:
     return from_values(settings, schema_of(command, settings), command)
 
 
-def _live_chunk(command: str, values: str, works: Sequence[Work]) -> list[list[Lived]]:
+def _live_chunk(command: str, values: str, is_fresh: bool, works: Sequence[Work]) -> list[list[Lived]]:
     config = _config(command, values)
-    return [_live(config, work) for work in works]
+    return [_live(config, work, is_fresh) for work in works]
 
 
 def _controller(config: EnvironmentConfig, work: Work) -> Controller:
@@ -103,9 +105,16 @@ def _controller(config: EnvironmentConfig, work: Work) -> Controller:
     return Controller(work.genes, config.network_made, tested.rule, signs=work.signs, step_s=step_s)
 
 
-def _live(config: EnvironmentConfig, work: Work) -> list[Lived]:
+def _live(config: EnvironmentConfig, work: Work, is_fresh: bool) -> list[Lived]:
     controller, frozen = _controller(config, work), config.controllers[work.number].frozen
-    return [config.world.live(controller, seed, frozen=frozen, record=work.record) for seed in work.seeds]
+    return [
+        config.world.live(controller, seed, frozen=frozen, record=work.record, is_fresh=is_fresh) for seed in work.seeds
+    ]
+
+
+def _findings(config: EnvironmentConfig) -> tuple[str, ...]:
+    with refusing():
+        return config.world.findings.notes
 
 
 def _compile(config: EnvironmentConfig) -> None:
@@ -149,6 +158,11 @@ class PreparedEnvironmentEvolution(PreparedEvolution):
     """An evolution in an environment, which begins at random genes, and remembers nothing of it."""
 
     config: EvolveEnvironment
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What random actions show of the environment."""
+        return _findings(self.config)
 
     def compile(self) -> None:
         """Load or compile what the lifetimes need."""
@@ -194,7 +208,8 @@ class PreparedEnvironmentEvaluation:
         trained, rule = self.genome.environment, self.genome.rule
         notes = [] if trained in ("", self.config.world.name) else [f"This champion was evolved in {trained}."]
         is_off = rule and isinstance(self.config.rule, NoRule)
-        return notes + ([f"This champion was evolved with the rule {rule}, which is off here."] if is_off else [])
+        notes += [f"This champion was evolved with the rule {rule}, which is off here."] if is_off else []
+        return [*notes, *_findings(self.config)]
 
     @property
     def lifetime_ids(self) -> dict[str, str]:
@@ -258,7 +273,8 @@ class PreparedEnvironmentEvaluation:
         run.write("metrics.csv", metrics)
         run.write("lifetime.csv", pd.DataFrame(course))
         run.write("table.csv", table)
-        run.write("table.md", analysis.readable(table).markdown())
+        below = [*self.notes, *(analysis.unreached(table) if self.config.environment.changes else ())]
+        run.write("table.md", "\n".join([analysis.readable(table).markdown(), *(f"{plain(note)}\n" for note in below)]))
         write_figure(run, "lifetime", self.config, self.genome.name, pd.DataFrame(course))
 
 
@@ -284,7 +300,7 @@ def film(config: EvaluateEnvironment) -> bytes:
     prepared = prepare_evaluation(config)
     works = prepared.works(range(1))
     work, frames, step = works[min(1, len(works) - 1)], list[Any](), itertools.count()
-    lived, change = _live(config, work)[0], config.world.split if config.environment.changes else math.inf
+    lived, change = _live(config, work, True)[0], config.world.split if config.environment.changes else math.inf
     begin = max(0, min(change, len(lived.rewards)) - _FRAMES // 2) if config.environment.changes else 0
 
     def watch(env: Any) -> None:

@@ -62,8 +62,12 @@ RESUME = "resume="  # before the folder of an evolution
 def evolve_job(job: hydra.Job) -> None:
     """Evolve into the folder of a job."""
     prepared = prepare_evolution(job.config)
+    notes = list(prepared.notes)
     prepared.compile()
-    run = new_evolution(job.path, job.config, job.overrides, job.facts)
+    for note in notes if not job.in_multirun else ():
+        say(note)
+    facts = {**({"notes": notes} if notes else {}), **job.facts}
+    run = new_evolution(job.path, job.config, job.overrides, facts)
     evolve_into(run, prepared, None, threads=job.threads, quiet=job.in_multirun)
 
 
@@ -82,6 +86,11 @@ class PreparedEvolution:
     given: NDArray[np.float64] | None = None
     start: tuple[Genome, NDArray[np.float64]] | None = None
     origin: Scenario | None = None
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """What a reader must know of the world."""
+        return ()
 
     @property
     def start_text(self) -> str:

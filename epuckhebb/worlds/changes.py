@@ -1,11 +1,11 @@
 """What can change in an environment at a step of a lifetime: its physics, its readings, its actions.
 
 A name that is none of `CHANGES` is an attribute of the environment, as NS-Gym has them: `masspole` and `length` of the
-cart-pole, `LINK_MASS_1` of the acrobot.
+cart-pole, `LINK_MASS_1` of the acrobot. Factors are of the value at the start of the lifetime: 1 restores it.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,30 +13,48 @@ import numpy as np
 
 from epuckhebb.controller.own_class import calling
 
-AT, FUNCTION = "at", "function"
+AT, FUNCTION, DELAY = "at", "function", "action_delay"
+_DRAWN = ("screen_width", "screen_height", "screen_dim", "SCREEN_DIM", "isopen", "np_random_seed")
+_INERT = {  # numbers that are drawn, or computed anew from others, by the name of their class
+    "Env": _DRAWN,
+    "MujocoEnv": ("width", "height"),
+    "CartPoleEnv": ("total_mass", "polemass_length"),
+    "AcrobotEnv": ("LINK_LENGTH_2", "actions_num"),
+}
 
 
-@dataclass
+@dataclass(kw_only=True)
 class Faults:
     """What is wrong between an environment and its controller.
 
-    dead: readings that are 0. noise: standard deviation by the number of a reading, after its scale. delay: steps that
-    actions wait.
+    inputs: how many readings there are. dead: readings that are 0. noise: standard deviation by the number of a
+    reading, after its scale. delay: steps that actions wait. start: arrays of a model of MuJoCo before any change.
     """
 
+    inputs: int
     dead: list[int] = field(default_factory=list)
     noise: dict[int, float] = field(default_factory=dict)
     delay: int = 0
+    start: dict[str, Any] = field(default_factory=dict)
+
+    def at_start(self, model: Any, name: str) -> Any:
+        """An array of a model as it was before any change of this lifetime."""
+        return self.start.setdefault(name, getattr(model, name).copy())
 
 
 def _number(value: Any, name: str, least: float = -math.inf) -> float:
-    if not isinstance(value, int | float) or isinstance(value, bool) or not least <= value < math.inf:
+    is_number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+    if not is_number or not least <= value < math.inf:
         raise ValueError(f"{name} must be a finite number{'' if least else ', 0 or more'}, got {value!r}")
     return float(value)
 
 
+def _whole(value: Any) -> bool:
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
 def _pairs(values: Any, name: str, what: str) -> Mapping[Any, Any]:
-    if isinstance(values, Mapping):
+    if isinstance(values, Mapping) and values:
         return values
     raise ValueError(f"{name} must be {{{what}}}, got {values!r}")
 
@@ -47,77 +65,147 @@ def _model(env: Any, name: str) -> Any:
     return env.model
 
 
-def _factors(values: Any, known: Mapping[str, int], name: str) -> dict[int, float]:
-    """The factor of each part of a body that is named, by its number."""
+def _factors(values: Any, known: Iterable[str], name: str) -> dict[str, float]:
+    """The factor of each part of a body that is named."""
     for part in _pairs(values, name, "PART: FACTOR"):
         if part not in known:
-            raise ValueError(f"{name}.{part} is not there; this body has {', '.join(known)}")
-    return {known[part]: _number(factor, f"{name}.{part}", 0) for part, factor in values.items()}
+            raise ValueError(f"{name}.{part} is not there; this body has {', '.join(known) or 'none'}")
+    return {part: _number(factor, f"{name}.{part}", 0) for part, factor in values.items()}
+
+
+def _derive(model: Any) -> None:
+    """Compute what MuJoCo derives from masses and motors: inverse weights set how soft contacts and limits are."""
+    import mujoco
+
+    mujoco.mj_setConst(model, mujoco.MjData(model))  # it overwrites the state that it is given
 
 
 def _gravity(env: Any, value: Any, _faults: Faults) -> None:
     """Let things fall with this acceleration [m/s^2]."""
     if hasattr(env, "model"):
         env.model.opt.gravity[2] = -_number(value, "gravity")
+    elif hasattr(getattr(env, "world", None), "gravity"):  # of Box2D, which is made with each reset
+        env.world.gravity = (0.0, -_number(value, "gravity"))
     else:
         _attribute(env, "gravity", value)
 
 
-def _friction(env: Any, value: Any, _faults: Faults) -> None:
-    """Multiply the friction of all surfaces."""
-    _model(env, "friction").geom_friction[:] *= _number(value, "friction", 0)
+def _friction(env: Any, value: Any, faults: Faults) -> None:
+    """Multiply the friction of all surfaces, and of pairs of them that have their own."""
+    model, factor = _model(env, "friction"), _number(value, "friction", 0)
+    for name in ("geom_friction", "pair_friction"):
+        getattr(model, name)[:] = faults.at_start(model, name) * factor
 
 
-def _mass(env: Any, values: Any, _faults: Faults) -> None:
+def _mass(env: Any, values: Any, faults: Faults) -> None:
     """Multiply the mass of bodies, by their names, and their inertia."""
     model = _model(env, "mass")
     known = {model.body(k).name: k for k in range(1, model.nbody) if model.body(k).name}
     for body, factor in _factors(values, known, "mass").items():
-        model.body_mass[body] *= factor
-        model.body_inertia[body] *= factor
+        for name in ("body_mass", "body_inertia"):
+            getattr(model, name)[known[body]] = faults.at_start(model, name)[known[body]] * factor
+    _derive(model)
 
 
-def _joint_strength(env: Any, values: Any, _faults: Faults) -> None:
-    """Multiply the strength of motors, by the names of their joints; 0: dead."""
+def _motors(model: Any) -> dict[str, list[int]]:
+    """The numbers of the motors of each joint, and of each motor, by their names; a name of both is the joint's."""
+    import mujoco
+
+    ways, joints, own = mujoco.mjtTrn, dict[str, list[int]](), dict[str, list[int]]()
+    for k in range(model.nu):
+        if model.actuator_trntype[k] in (int(ways.mjTRN_JOINT), int(ways.mjTRN_JOINTINPARENT)):
+            joints.setdefault(model.joint(int(model.actuator_trnid[k, 0])).name, []).append(k)
+        own[model.actuator(k).name] = [k]
+    return {name: motors for name, motors in (own | joints).items() if name}
+
+
+def _joint_strength(env: Any, values: Any, faults: Faults) -> None:
+    """Multiply the strength of motors, by the names of their joints or their own; 0: dead."""
     model = _model(env, "joint_strength")
-    known = {model.joint(int(model.actuator_trnid[k, 0])).name: k for k in range(model.nu)}
-    for motor, factor in _factors(values, known, "joint_strength").items():
-        model.actuator_gear[motor] *= factor
+    known = _motors(model)
+    for name, factor in _factors(values, known, "joint_strength").items():
+        for motor in known[name]:
+            _strengthen(model, motor, factor, faults)
+    _derive(model)
 
 
-def _places(env: Any, numbers: Any, name: str) -> list[int]:
-    count = readings_of(env.observation_space)
-    for number in numbers if isinstance(numbers, list | Mapping) else [numbers]:
-        if not isinstance(number, int) or not 0 <= number < count:
-            raise ValueError(f"{name} must have numbers of readings, from 0 to {count - 1}, got {numbers!r}")
-    return list(numbers)
+def _strengthen(model: Any, motor: int, factor: float, faults: Faults) -> None:
+    """Multiply the force of one motor, and neither where a servo goes nor what its gear does to inertia."""
+    import mujoco
+
+    def multiply(name: str, columns: Any = slice(None)) -> None:
+        getattr(model, name)[motor, columns] = faults.at_start(model, name)[motor, columns] * factor
+
+    gain = mujoco.mjtGain(int(model.actuator_gaintype[motor])).name
+    bias = mujoco.mjtBias(int(model.actuator_biastype[motor])).name
+    own = [getattr(model, f"actuator_{name}", None) for name in ("armature", "damping")]  # MuJoCo 3.4 has none
+    match gain, bias:
+        case "mjGAIN_FIXED", "mjBIAS_NONE" if not any(each is not None and np.any(each[motor]) for each in own):
+            multiply("actuator_gear")
+        case "mjGAIN_FIXED" | "mjGAIN_AFFINE", "mjBIAS_NONE" | "mjBIAS_AFFINE":
+            for name in ("actuator_gainprm", "actuator_biasprm", "actuator_forcerange"):
+                multiply(name)
+        case "mjGAIN_MUSCLE", "mjBIAS_MUSCLE":
+            for name in ("actuator_gainprm", "actuator_biasprm"):
+                force = faults.at_start(model, name)[motor, 2]
+                multiply(name, 2 if force >= 0 else 3)  # a force below 0 is computed from the scale beside it
+            multiply("actuator_forcerange")
+        case _:
+            raise ValueError(
+                f"joint_strength: motor {model.actuator(motor).name or motor} has {gain} and {bias}, and known are "
+                f"fixed, affine and muscle; give {FUNCTION}: FILE.py:NAME"
+            )
 
 
-def _dead_readings(env: Any, numbers: Any, faults: Faults) -> None:
+def _places(given: Any, name: str, faults: Faults) -> list[int]:
+    is_list = isinstance(given, list | Mapping) and len(given)
+    if not is_list or not all(_whole(number) and 0 <= number < faults.inputs for number in given):
+        raise ValueError(f"{name} must have numbers of readings, from 0 to {faults.inputs - 1}, got {given!r}")
+    return list(given)
+
+
+def _dead_readings(_env: Any, numbers: Any, faults: Faults) -> None:
     """Let readings, by their numbers, be 0."""
-    faults.dead = _places(env, numbers, "dead_readings")
+    faults.dead = _places(numbers, "dead_readings", faults)
 
 
-def _noisy_readings(env: Any, values: Any, faults: Faults) -> None:
+def _noisy_readings(_env: Any, values: Any, faults: Faults) -> None:
     """Add normal noise to readings: {number: standard deviation}."""
-    places = _places(env, _pairs(values, "noisy_readings", "NUMBER: STANDARD DEVIATION"), "noisy_readings")
+    places = _places(_pairs(values, "noisy_readings", "NUMBER: STANDARD DEVIATION"), "noisy_readings", faults)
     faults.noise = {place: _number(values[place], "noisy_readings", 0) for place in places}
 
 
 def _action_delay(_env: Any, value: Any, faults: Faults) -> None:
     """Let actions take effect so many steps later."""
-    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
-        raise ValueError(f"action_delay must be a whole number of steps, 0 or more, got {value!r}")
-    faults.delay = value
+    if not _whole(value) or value < 0:
+        raise ValueError(f"{DELAY} must be a whole number of steps, 0 or more, got {value!r}")
+    faults.delay = int(value)
+
+
+def _numbers(env: Any) -> list[str]:
+    """The names of the numbers of an environment that can be set and that its physics may read."""
+    inert = [name for kind in type(env).__mro__ for name in _INERT.get(kind.__name__, ())]
+
+    def can_be_set(name: str) -> bool:
+        own = getattr(type(env), name, None)
+        return not name.startswith("_") and name not in inert and not (isinstance(own, property) and own.fset is None)
+
+    kinds = bool | int | float | np.number | np.bool_
+    return [name for name in dir(env) if can_be_set(name) and isinstance(getattr(env, name, None), kinds)]
 
 
 def _attribute(env: Any, name: str, value: Any) -> None:
     """Set a number that the environment has, and what a cart-pole makes of it."""
-    numbers = [own for own in dir(env) if not own.startswith("_") and type(getattr(env, own, None)) in (int, float)]
+    numbers = _numbers(env)
     if name not in numbers:
         known = ", ".join([*CHANGES, FUNCTION, *numbers])
-        raise ValueError(f"{type(env).__name__} has no number {name}; a change is one of {known}")
-    setattr(env, name, _number(value, name))
+        raise ValueError(f"{type(env).__name__} has no number {name} that acts; a change is one of {known}")
+    own = getattr(env, name)
+    is_switch = isinstance(own, bool | np.bool_)
+    if is_switch and value not in (True, False):
+        raise ValueError(f"{name} must be true or false, got {value!r}")
+    number = value if is_switch else _number(value, name)
+    setattr(env, name, int(number) if _whole(own) and float(number).is_integer() else number)
     if hasattr(env, "polemass_length"):
         env.total_mass, env.polemass_length = env.masspole + env.masscart, env.masspole * env.length
 
@@ -129,7 +217,7 @@ CHANGES: dict[str, Callable[[Any, Any, Faults], None]] = {
     "joint_strength": _joint_strength,
     "dead_readings": _dead_readings,
     "noisy_readings": _noisy_readings,
-    "action_delay": _action_delay,
+    DELAY: _action_delay,
 }
 
 
@@ -143,11 +231,3 @@ def apply(change: Mapping[str, Any], env: Any, faults: Faults, functions: Mappin
             CHANGES[name](env, value, faults)
         elif name != AT:
             _attribute(env, name, value)
-
-
-def readings_of(space: Any, what: str = "observations") -> int:
-    """How many readings observations of a space are; a ValueError if they are none of Box and Discrete."""
-    kind = type(space).__name__
-    if kind not in ("Box", "Discrete"):
-        raise ValueError(f"{what} must be of Box or Discrete, and are of {kind}")
-    return int(space.n if kind == "Discrete" else max(1, np.prod(space.shape)))

@@ -1,14 +1,13 @@
-"""An environment of Gymnasium as a world: its settings, its readings and actions, and one lifetime in it.
+"""An environment of Gymnasium as a world: its settings, and one lifetime in it.
 
-    reading = tanh(x / scale)      of a Box; a Discrete observation is a 1 among zeros
-    action  = the outputs, from -1 to 1, between the bounds of a Box; the place of the largest output of a Discrete
-    F       = min(1, reward of the step before / reward_scale)      the live fitness that a plasticity rule gets
+    F = min(1, reward of the step before / reward_scale)      the live fitness that a plasticity rule gets
 
 A lifetime is one episode, or `horizon` steps. All controllers of a repeat have the same seed of the environment.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -16,10 +15,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.compiling.errors import NotCompiledError
 from epuckhebb.controller.controller import Controller
-from epuckhebb.controller.own_class import calling
+from epuckhebb.controller.own_class import PartError, calling
+from epuckhebb.controller.random import Stream, rng
 from epuckhebb.controller.ranges import check, within
-from epuckhebb.worlds.changes import AT, Faults, apply, readings_of
+from epuckhebb.worlds.changes import AT, DELAY, Faults, apply
+from epuckhebb.worlds.spaces import actor, reader, scale_of, size_of
+from epuckhebb.worlds.trial import Findings, try_world
 
 _LONGEST = 1_000_000  # steps
 _MOST_PROCESSES = 1024
@@ -31,17 +34,17 @@ class Environment:
     """The settings of an environment.
 
     id: of Gymnasium, or FILE.py:NAME, a class of the user's. options: arguments with which it is made. horizon: steps
-    of a lifetime. scale: of all readings, or of each. reward_scale: reward of a step at which the live fitness is 1.
-    step_s: length of a step [s], for what has time constants. changes: each `{at: STEP, NAME: VALUE}`; change: their
-    name, of those in `named`. hidden: sizes of the hidden layers. population, generations, loops: of an evolution, with
-    so many lifetimes of an individual. processes: 0 for one on each core.
+    of a lifetime. scale: of all readings, or of each; None: from their bounds. reward_scale: reward of a step at which
+    the live fitness is 1. step_s: length of a step [s], for what has time constants. changes: each
+    `{at: STEP, NAME: VALUE}`; change: their name, of those in `named`. hidden: sizes of the hidden layers. population,
+    generations, loops: of an evolution, with so many lifetimes of an individual. processes: 0 for one on each core.
     """
 
     name: str = ""
     id: str = ""
     options: dict[str, Any] = field(default_factory=dict)
     horizon: int = within(1, _LONGEST, default=500)
-    scale: Any = 1.0
+    scale: Any = None
     reward_scale: float = within(0, above=True, default=1.0)
     step_s: float = within(0, above=True, default=0.02)
     changes: list[Any] = field(default_factory=list)
@@ -56,10 +59,11 @@ class Environment:
     def __post_init__(self) -> None:
         check(self, "environment")
         for change in self.changes:
-            if not isinstance(change, Mapping) or not isinstance(change.get(AT), int) or len(change) < 2:
+            at = change.get(AT) if isinstance(change, Mapping) else None
+            if not isinstance(at, int) or isinstance(at, bool) or len(change) < 2:
                 raise ValueError(f"environment.changes must be a list of {{at: STEP, NAME: VALUE}}, got {change!r}")
-            if not 0 <= change[AT] < self.horizon:
-                raise ValueError(f"environment.changes: at must be below horizon={self.horizon}, got {change[AT]}")
+            if not 0 <= at < self.horizon:
+                raise ValueError(f"environment.changes: at must be below horizon={self.horizon}, got {at}")
 
 
 class Lived(NamedTuple):
@@ -74,6 +78,16 @@ class Lived(NamedTuple):
     saturated_fraction: float
     weight_changes: Floats
     weight_steps: Floats
+
+
+def _finite(value: Any, what: str) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise ValueError(f"{what} must be a finite number, got {value!r}")
+    return number
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -96,16 +110,41 @@ class World:
     @cached_property
     def inputs(self) -> int:
         """The number of readings."""
-        return readings_of(getattr(self._env, "observation_space", None), f"environment {self.name}: observations")
+        return size_of(getattr(self._env, "observation_space", None), f"environment {self.name}: observations")
 
     @cached_property
     def outputs(self) -> int:
         """The number of outputs that make an action."""
-        space: Any = getattr(self._env, "action_space", None)
-        kind = type(space).__name__
-        if kind not in ("Box", "Discrete"):
-            raise ValueError(f"environment {self.name}: actions must be of Box or Discrete, and are of {kind}")
-        return int(space.n if kind == "Discrete" else np.prod(space.shape))
+        return size_of(self.actions, f"environment {self.name}: actions")
+
+    @property
+    def actions(self) -> Any:
+        """The space of its actions."""
+        return getattr(self._env, "action_space", None)
+
+    @cached_property
+    def read(self) -> Callable[[Any], Floats]:
+        """The function from an observation to the readings, (inputs,)."""
+        space = self._env.observation_space
+        return reader(space, scale_of(space, self.settings.scale))
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether its readings are numbers of a Box, and not a 1 among zeros."""
+        return type(self._env.observation_space).__name__ == "Box"
+
+    @cached_property
+    def turn(self) -> Callable[[Floats], Any]:
+        """The function from the outputs, (outputs,), to an action."""
+        try:
+            return actor(self.actions)
+        except ValueError as error:
+            raise ValueError(f"environment {self.name}: {error}") from error
+
+    @cached_property
+    def changes(self) -> list[Mapping[str, Any]]:
+        """The changes by their step."""
+        return sorted(self.settings.changes, key=lambda change: int(change[AT]))
 
     @cached_property
     def split(self) -> int:
@@ -113,49 +152,77 @@ class World:
         return min((int(change[AT]) for change in self.settings.changes), default=self.settings.horizon // 2)
 
     def check(self) -> None:
-        """Try the first step, the scales and the changes; else a ValueError, of an environment of the user's too."""
-        settings = self.settings
-        inputs, scale = self.inputs, np.asarray(settings.scale, float)
-        if scale.shape not in ((), (inputs,)) or not (np.isfinite(scale).all() and (scale > 0).all()):
-            raise ValueError(f"environment.scale must be a number above 0, or {inputs} of them, got {settings.scale}")
-        still, env = np.zeros(self.outputs), self._env
-        with calling(f"environment {self.name}"):
-            first, _ = env.reset(seed=0)
-            second, reward, _, _, _ = env.step(self.turn(still))
-            read = [self.read(first), self.read(second)]
-            if {one.shape for one in read} != {(inputs,)} or not np.isfinite([np.sum(read), reward]).all():
-                raise ValueError(f"it gave observations {first!r} and {second!r}, and reward {reward!r}")
-        if settings.changes:
+        """Try the first step, also after each change; else a ValueError, of an environment of the user's too."""
+        still = np.zeros(self.outputs)
+        self.episode(self._env, lambda *_: still, 0, 1)
+        if changes := self.changes:
             env = self.make()
-            for change in settings.changes:
-                try:
-                    apply(change, env.unwrapped, Faults(), self.functions)
-                except ValueError as error:
-                    raise ValueError(f"environment.changes: {error}") from error
+            self.episode(env, lambda *_: still, 0, 1, [{**change, AT: 0} for change in changes])
             env.close()
 
     @cached_property
-    def read(self) -> Callable[[Any], Floats]:
-        """The function from an observation to the readings, (inputs,)."""
-        if type(self._env.observation_space).__name__ == "Discrete":
-            first, eye = int(self._env.observation_space.start), np.eye(self.inputs)
-            return lambda observation: np.array(eye[int(observation) - first])
-        shrink = 1.0 / np.broadcast_to(np.asarray(self.settings.scale, float), self.inputs)
-        return lambda observation: np.tanh(np.asarray(observation, np.float64).ravel() * shrink)
+    def findings(self) -> Findings:
+        """What random actions show: whether its lifetimes can be repeated, and what a reader must know."""
+        return try_world(self)
 
-    @cached_property
-    def turn(self) -> Callable[[Floats], Any]:
-        """The function from the outputs, (outputs,), to an action."""
-        space = self._env.action_space
-        if type(space).__name__ == "Discrete":
-            first = int(space.start)
-            return lambda outputs: first + int(outputs.argmax())
-        bounded = np.isfinite(space.low) & np.isfinite(space.high)
-        low, high = np.where(bounded, space.low, -1.0), np.where(bounded, space.high, 1.0)
-        middle, half = ((high + low) / 2.0).astype(float), ((high - low) / 2.0).astype(float)
-        if not middle.any() and middle.ndim == 1:
-            return lambda outputs: (outputs * half).astype(space.dtype)
-        return lambda outputs: (middle + outputs.reshape(middle.shape) * half).astype(space.dtype)
+    def episode(
+        self,
+        env: Any,
+        act: Callable[[int, Floats, float, Any], Floats],
+        seed: int,
+        steps: int,
+        changes: Sequence[Mapping[str, Any]] = (),
+        watch: Callable[[Any], None] | None = None,
+    ) -> Floats:
+        """The rewards of an episode, of so many steps at most. changes: by their step.
+
+        act: the outputs at a step, for the readings, the reward of the step before and the observation.
+
+        Raises:
+            PartError: the environment, or a function of the user's, failed, or gave what it may not give.
+        """
+        changes = list(changes)
+        faults, noise = Faults(inputs=self.inputs), rng(seed, Stream.reading_noise)
+        longest = max((change[DELAY] for change in changes if isinstance(change.get(DELAY), int)), default=0)
+        past = deque[Any](maxlen=1 + max(0, longest))  # kept always: a delay may begin during the lifetime
+        rewards, read, turn, do = np.zeros(steps), self.read, self.turn, env.step
+        reward, step, has_ended, is_cut = 0.0, -1, False, False
+        try:
+            observation, _ = env.reset(seed=seed)
+            readings = read(observation)
+            for step in range(steps):
+                while changes and step == changes[0][AT]:
+                    self._apply(changes.pop(0), env, faults)
+                if faults.dead:
+                    readings[faults.dead] = 0.0
+                for place, deviation in faults.noise.items():
+                    readings[place] += deviation * noise.standard_normal()
+                action = turn(act(step, readings, reward, observation))
+                if longest:
+                    past.append(action)
+                    action = past[max(0, len(past) - 1 - faults.delay)]
+                if watch:
+                    watch(env)
+                observation, reward, has_ended, is_cut, _ = do(action)
+                readings, reward = read(observation), _finite(reward, "a reward")
+                rewards[step] = reward
+                if has_ended or is_cut:
+                    break
+            _finite(rewards.sum(), "the sum of the rewards")
+        except (PartError, NotCompiledError):
+            raise
+        except BaseException:
+            with calling(f"environment {self.name}: {f'step {step}' if step >= 0 else 'reset'} (seed {seed})"):
+                raise
+        return rewards[: step + 1]
+
+    def _apply(self, change: Mapping[str, Any], env: Any, faults: Faults) -> None:
+        try:
+            apply(change, env.unwrapped, faults, self.functions)
+        except PartError:
+            raise
+        except ValueError as error:
+            raise PartError(f"environment.changes: {error}") from error
 
     def live(
         self,
@@ -164,71 +231,52 @@ class World:
         *,
         frozen: bool = False,
         record: bool = False,
+        is_fresh: bool = True,
         watch: Callable[[Any], None] | None = None,
     ) -> Lived:
         """Run a lifetime.
 
         seed: of the environment and of random initial weights. frozen: no plasticity from `split` on. record: keep
-        changes of the weights. watch: is called with the environment before each step.
+        changes of the weights. is_fresh: in an environment of its own, as every lifetime with changes; else in the one
+        that is kept. watch: is called with the environment before each step.
 
         Raises:
-            PartError: the weights, or a function of the user's, failed.
-            ArithmeticError: rewards stopped being finite.
+            PartError: the weights, the environment, or a function of the user's, failed.
         """
-        settings = self.settings
-        changes = sorted(settings.changes, key=lambda change: int(change[AT]))
-        env = self.make(render_mode="rgb_array") if watch else self.make() if changes else self._env
-        faults, rng, waiting = Faults(), np.random.default_rng(seed), list[Any]()
-        rewards, found, rate = np.zeros(settings.horizon), np.zeros((2, settings.horizon)), controller.rate
-        read, turn, act, do, full = self.read, self.turn, controller.act, env.step, settings.reward_scale
-        has_faults, has_ended, is_cut = False, False, False
-        observation, _ = env.reset(seed=seed)
+        horizon, full = self.settings.horizon, self.settings.reward_scale
+        found, rate = np.zeros((2, horizon)), controller.rate
         controller.reset(seed)
-        reward, step = 0.0, 0
+
+        def act(step: int, readings: Floats, reward: float, _observation: Any) -> Floats:
+            if frozen and step == self.split:
+                controller.rate = 0.0
+            before = controller.weights.copy() if record else controller.weights
+            outputs = controller.act(readings, min(1.0, reward / full))
+            if record:
+                found[:, step] = controller.weight_change, np.abs(controller.weights - before).sum()
+            return outputs
+
+        options = {"render_mode": "rgb_array"} if watch else {}
+        env = self.make(**options) if watch or self.changes or is_fresh else self._env
         try:
-            for step in range(settings.horizon):
-                while changes and step == changes[0][AT]:
-                    apply(changes.pop(0), env.unwrapped, faults, self.functions)
-                    has_faults = True
-                if frozen and step == self.split:
-                    controller.rate = 0.0
-                readings = read(observation)
-                if has_faults:
-                    readings[faults.dead] = 0.0
-                    for place, deviation in faults.noise.items():
-                        readings[place] += deviation * rng.standard_normal()
-                before = controller.weights.copy() if record else controller.weights
-                action = turn(act(readings, min(1.0, reward / full)))
-                if record:
-                    found[:, step] = controller.weight_change, np.abs(controller.weights - before).sum()
-                if has_faults and faults.delay:
-                    waiting.append(action)
-                    action = waiting.pop(0) if len(waiting) > faults.delay else waiting[0]
-                if watch:
-                    watch(env)
-                observation, reward, has_ended, is_cut, _ = do(action)
-                rewards[step] = reward
-                if has_ended or is_cut:
-                    break
+            rewards = self.episode(env, act, seed, horizon, self.changes, watch)
         finally:
             controller.rate = rate
             if env is not self._env:
                 env.close()
         controller.check()
-        steps = step + 1
-        if not np.isfinite(rewards).all():
-            raise ArithmeticError(f"environment {self.name}: rewards are infinite or nan (seed {seed})")
         return Lived(
-            rewards[:steps],
+            rewards,
             controller.weight_change_mean,
             controller.weight_change,
             controller.saturated_fraction,
-            *found[:, : steps * record],
+            *found[:, : len(rewards) * record],
         )
 
     def metrics(self, lived: Lived) -> dict[str, float]:
         """The columns of `metrics.csv` that are about one lifetime."""
         rewards, split = lived.rewards, self.split
+        has_reached = len(rewards) > split
         before, after = rewards[:split], rewards[split:]
         recovery = math.nan
         if self.settings.changes and len(before) and len(rewards) == self.settings.horizon and len(after) >= _WINDOW:
@@ -239,8 +287,9 @@ class World:
         return {
             "return": float(rewards.sum()),
             "steps": len(rewards),
+            "reached": int(has_reached),
             "return_before": float(before.sum()),
-            "return_after": float(after.sum()),
+            "return_after": float(after.sum()) if has_reached else math.nan,
             "recovery_steps": recovery,
             "weight_change_mean": lived.weight_change_mean,
             "weight_change_final": lived.weight_change_final,

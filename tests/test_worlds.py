@@ -1,0 +1,312 @@
+"""An environment as a world: readings, actions, faults between them, seeds, and what a trial finds."""
+
+import math
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.spaces import Box, Discrete
+from gymnasium.wrappers import RescaleAction
+
+from epuckhebb.controller.own_class import PartError
+from epuckhebb.controller.random import Stream, rng
+from epuckhebb.worlds.environment import Environment, Lived, World
+from epuckhebb.worlds.spaces import actor, reader, scale_of
+
+FLOAT_MAX = np.finfo(np.float32).max
+
+
+class Sum(gymnasium.Env):
+    """Readings are random walks from a random start; the last action moves the first one."""
+
+    observation_space = Box(-np.inf, np.inf, (3,), np.float64)
+    action_space = Box(-1.0, 1.0, (1,), np.float64)
+    carried, speed, unread = 0.0, 1.0, 1.0
+
+    def __init__(self):
+        self.actions, self.seeds = [], []
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.seeds.append(seed)
+        self.place = self.np_random.standard_normal(3)
+        return self.place.copy(), {}
+
+    def step(self, action):
+        self.actions.append(float(action[0]))
+        self.place = self.place + 0.1 * self.np_random.standard_normal(3)
+        self.place[0] += self.speed * action[0]
+        return self.place + self.carried, float(action[0]), False, False, {}
+
+
+class Keeps(Sum):
+    """Something of a lifetime stays after a reset, as the running mean of a wrapper does."""
+
+    def step(self, action):
+        self.carried += 0.01
+        return super().step(action)
+
+
+class Third(Sum):
+    """Its third reset differs, as that of BipedalWalker-v3."""
+
+    def reset(self, *, seed=None, options=None):
+        seen, info = super().reset(seed=seed)
+        return seen + (len(self.seeds) == 3), info
+
+
+class Unseeded(Sum):
+    """It draws without its seed, as Meta-World 3.1.1 does."""
+
+    def reset(self, *, seed=None, options=None):
+        return super().reset()
+
+
+def world(kind=Sum, changes=(), **settings):
+    """A world of an environment of a class here, and the environments that it made."""
+    made = []
+
+    def make(**_):
+        made.append(kind())
+        return made[-1]
+
+    settings = {"name": "here", "horizon": 40, "changes": list(changes), **settings}
+    return World(settings=Environment(**settings), make=make), made
+
+
+def run(kind=Sum, changes=(), outputs=lambda _: 0.0, seed=3, steps=30):
+    """The readings of an episode of 30 steps, and its environment."""
+    here, _ = world(kind, changes)
+    env, seen = kind(), []
+
+    def act(step, readings, _reward, _observation):
+        seen.append(readings)
+        return np.array([outputs(step)])
+
+    here.episode(env, act, seed, steps, here.changes)
+    return np.array(seen), env
+
+
+def test_actions_wait_as_long_as_the_last_change_says():
+    delays = {3: 5, 10: 2, 14: 0, 17: 3}
+    changes = [{"at": at, "action_delay": delay} for at, delay in delays.items()]
+    _, env = run(changes=changes, outputs=lambda step: step / 100)
+    delay, expected = 0, []
+    for step in range(30):
+        delay = delays.get(step, delay)
+        expected.append(max(0, step - delay) / 100)
+    assert env.actions == expected
+
+
+def test_noise_of_readings_has_a_stream_of_its_own():
+    changes = [{"at": 0, "noisy_readings": {1: 0.5}}]
+    plain, noisy = run()[0], run(changes=changes)[0]
+    drawn = rng(3, Stream.reading_noise).standard_normal(30)
+    np.testing.assert_array_equal(noisy[:, 1], plain[:, 1] + 0.5 * drawn)
+    np.testing.assert_array_equal(noisy[:, [0, 2]], plain[:, [0, 2]])
+    worlds = np.random.default_rng(3).standard_normal(90)
+    assert not np.isin(drawn, worlds).any()
+
+
+def test_dead_readings_count_the_readings_that_a_controller_gets():
+    seen, _ = run(changes=[{"at": 10, "dead_readings": [0, 2]}])
+    assert (seen[10:, [0, 2]] == 0).all()
+    assert (seen[:10] != 0).all()
+    assert (seen[:, 1] != 0).all()
+
+
+class Fewer(gymnasium.ObservationWrapper):
+    """A wrapper that leaves out readings."""
+
+    def __init__(self, env=None):
+        super().__init__(env or Sum())
+        self.observation_space = Box(-np.inf, np.inf, (2,), np.float64)
+
+    def observation(self, observation):
+        return observation[:2]
+
+
+def test_readings_are_counted_outside_of_wrappers():
+    with pytest.raises(ValueError, match="from 0 to 1"):
+        world(Fewer, [{"at": 5, "dead_readings": [2]}])[0].check()
+
+
+@pytest.mark.parametrize(
+    ("low", "high"),
+    [([-1.0, -1.0], [1.0, 1.0]), ([-2.0, 0.0], [2.0, 10.0]), ([-0.4, 1.0], [0.4, 3.0])],
+)
+def test_actions_are_rescaled_as_by_gymnasium(low, high):
+    class Bounded(gymnasium.Env):
+        action_space = Box(np.array(low, np.float32), np.array(high, np.float32))
+        observation_space = Discrete(2)
+
+    turn = actor(Bounded.action_space)
+    for outputs in np.random.default_rng(1).uniform(-1, 1, (50, 2)):
+        wanted = RescaleAction(Bounded(), np.float32(-1), np.float32(1)).action(np.float32(outputs))
+        assert turn(outputs) == pytest.approx(wanted, rel=1e-5, abs=1e-6)
+        assert turn(outputs).dtype == np.float32
+    assert list(turn(-np.ones(2))) == list(np.float32(low))
+    assert list(turn(np.ones(2))) == list(np.float32(high))
+
+
+def test_whole_actions_are_rounded_and_reach_both_ends():
+    turn = actor(Box(0, 3, (1,), np.int64))
+    found = [int(turn(np.array([output]))[0]) for output in np.linspace(-1, 1, 601)]
+    assert sorted(set(found)) == [0, 1, 2, 3]
+    assert found.count(3) == pytest.approx(found.count(0), abs=1)  # np.rint takes .5 to the even number
+    assert int(actor(Box(1, 255, (1,), np.uint8))(np.array([1.0]))[0]) == 255
+
+
+@pytest.mark.parametrize("bound", [np.inf, FLOAT_MAX, 1e30])
+def test_actions_without_bounds_are_outputs_and_a_note_says_so(bound):
+    class Free(Sum):
+        action_space = Box(-np.float32(bound), np.float32(bound), (1,))
+
+    assert actor(Free.action_space)(np.array([0.5]))[0] == 0.5
+    assert "Actions 0 have no bounds" in " ".join(world(Free)[0].findings.notes)
+
+
+@pytest.mark.parametrize(("low", "high"), [(0, np.inf), (-np.inf, 1), (0, FLOAT_MAX)])
+def test_actions_with_a_bound_on_one_side_are_refused(low, high):
+    class Half(Sum):
+        action_space = Box(np.float32(low), np.float32(high), (1,))
+
+    with pytest.raises(ValueError, match=r"environment here: action 0 .*TransformAction"):
+        world(Half)[0].check()
+
+
+def test_scale_comes_from_bounds_where_there_are_some():
+    space = Box(
+        np.array([-1.2, -0.07, -np.inf, 0.0, -FLOAT_MAX]), np.array([0.6, 0.07, np.inf, 255.0, FLOAT_MAX]), dtype=float
+    )
+    found = scale_of(space, None)
+    assert list(found) == pytest.approx([1.2, 0.07, 3.0, 255.0, 3.0])
+    assert list(scale_of(space, 2.0)) == [2.0] * 5
+    assert list(reader(space, found)(np.array([1.2, 0.07, 3.0, 0, 0]))) == pytest.approx([math.tanh(1)] * 3 + [0, 0])
+    for wrong in ([1.0, 2.0], 0, -1, [1, 1, 1, 1, 0], "x", np.nan):
+        with pytest.raises(ValueError, match=r"environment\.scale must be a number above 0, or 5 of them"):
+            scale_of(space, wrong)
+
+
+def test_readings_that_say_nothing_are_noted():
+    class Blind(Sum):
+        def step(self, action):
+            seen, *others = super().step(action)
+            return np.array([seen[0], 900.0, 0.001]), *others
+
+        def reset(self, *, seed=None, options=None):
+            return np.array([super().reset(seed=seed)[0][0], 900.0, 0.001]), {}
+
+    (note,) = world(Blind)[0].findings.notes
+    assert "1 (largest 900) are 1 or -1" in note
+    assert "2 (largest 0.001) never move" in note
+    assert world()[0].findings.notes == ()
+
+
+def test_lifetimes_get_a_new_environment_where_a_reset_is_not_enough():
+    for kind, is_needed in ((Sum, False), (Keeps, True), (Third, True)):
+        found = world(kind)[0].findings
+        assert found.needs_fresh == is_needed, kind
+        assert any("new environment" in note for note in found.notes) == is_needed
+
+
+def test_lifetimes_that_cannot_be_repeated_are_noted():
+    found = world(Unseeded, [{"at": 5, "speed": 2.0}])[0].findings
+    assert ["cannot be repeated" in note for note in found.notes] == [True, False]
+    assert "cannot be tested" in found.notes[1]
+
+
+def test_a_change_that_makes_no_difference_is_noted():
+    changes = [{"at": 5, "speed": 3.0, "unread": 2.0}, {"at": 9, "speed": 1.0}, {"at": 9, "noisy_readings": {0: 0}}]
+    notes = world(Sum, changes)[0].findings.notes
+    assert len(notes) == 2
+    assert "unread=2.0 at 5 changes nothing" in notes[0]
+    assert "noisy_readings={0: 0} at 9 changes nothing" in notes[1]
+
+
+def test_a_change_may_use_what_a_reset_makes():
+    def stop(env):
+        env.place *= 0.0
+
+    here = World(
+        settings=Environment(name="here", horizon=40, changes=[{"at": 5, "function": "stop"}]),
+        make=lambda **_: Sum(),
+        functions={"stop": stop},
+    )
+    here.check()
+    assert here.findings.notes == ()
+
+
+def test_a_change_after_which_no_step_goes_is_refused():
+    class Breaks(Sum):
+        frames = 1
+
+        def step(self, action):
+            for _ in range(self.frames):
+                found = super().step(action)
+            return found
+
+    with pytest.raises(PartError, match=r"environment here: step 0 .*failed in line"):
+        world(Breaks, [{"at": 5, "frames": 2.5}])[0].check()
+
+
+@pytest.mark.parametrize("error", [SystemExit, RuntimeError])
+def test_whatever_a_step_raises_names_the_step_and_the_line(error):
+    class Fails(Sum):
+        def step(self, action):
+            if len(self.actions) == 4:
+                raise error("on fire")
+            return super().step(action)
+
+    with pytest.raises(PartError, match=r"environment here: step 4 \(seed 3\) failed in line \d+: .*on fire"):
+        run(Fails)
+
+
+@pytest.mark.parametrize(
+    ("observation", "reward", "text"),
+    [
+        (1.0, 1.0, "step 4 .*of 3 numbers, got 1.0"),
+        (np.zeros(1), 1.0, "step 4 .*of 3 numbers"),
+        (np.array([0, np.nan, 0]), 1.0, "step 4 .*of numbers, got .*nan"),
+        (np.zeros(3), None, "step 4 .*a reward must be a finite number, got None"),
+        (np.zeros(3), np.ones(2), "step 4 .*a reward must be a finite number"),
+        (np.zeros(3), np.inf, "step 4 .*a reward must be a finite number"),
+        (np.zeros(3), 1e308, "the sum of the rewards"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:overflow")
+def test_what_an_environment_may_not_give_is_refused_with_its_step(observation, reward, text):
+    class Wrong(Sum):
+        def step(self, action):
+            found = super().step(action)
+            return found if len(self.actions) < 5 else (observation, reward, False, False, {})
+
+    with pytest.raises(PartError, match=f"environment here: .*{text}"):
+        run(Wrong)
+
+
+def test_a_discrete_observation_out_of_its_range_is_refused():
+    read = reader(Discrete(4, start=2), np.ones(4))
+    assert list(read(3)) == [0, 1, 0, 0]
+    for wrong in (1, 6, -1):
+        with pytest.raises(ValueError, match=f"from 2 to 5, got {wrong}"):
+            read(wrong)
+
+
+def lived(*rewards):
+    return Lived(np.array(rewards, float), 0.0, 0.0, 0.0, np.zeros(0), np.zeros(0))
+
+
+def test_before_ends_at_the_first_of_the_changes():
+    here, _ = world(changes=[{"at": 8, "speed": 2.0}, {"at": 3, "speed": 3.0}])
+    found = here.metrics(lived(*range(10)))
+    assert (found["return_before"], found["return_after"], found["reached"]) == (0 + 1 + 2, sum(range(3, 10)), 1)
+
+
+@pytest.mark.parametrize(("steps", "reached"), [(7, 0), (8, 0), (9, 1)])
+def test_a_lifetime_that_ended_before_the_change_has_no_return_after_it(steps, reached):
+    here, _ = world(changes=[{"at": 8, "speed": 2.0}])
+    found = here.metrics(lived(*[-1.0] * steps))
+    assert found["reached"] == reached
+    assert found["return_after"] == -1 if reached else math.isnan(found["return_after"])
+    assert found["return"] == -steps
