@@ -8,6 +8,8 @@ from numba.extending import lower_builtin, type_callable
 
 _type_callable: Any = type_callable
 _lower: Any = lower_builtin
+_RECORD: Any = types.BaseNamedTuple
+_TUPLE: Any = types.BaseTuple
 
 
 def readonly(value: Any) -> Any:
@@ -22,16 +24,10 @@ def readonly(value: Any) -> Any:
 def _of_type(kind: Any) -> Any:
     if isinstance(kind, types.Array):
         return kind.copy(readonly=True)
-    if isinstance(kind, types.BaseNamedTuple):
-        return types.BaseTuple.from_types([_of_type(one) for one in kind.types], kind.instance_class)
+    if isinstance(kind, _RECORD):
+        return _TUPLE.from_types([_of_type(one) for one in kind.types], kind.instance_class)
     return kind
 
 
-@_type_callable(readonly)
-def _typed(_context: Any) -> Any:
-    return _of_type
-
-
-@_lower(readonly, types.Any)
-def _unchanged(_context: Any, _builder: Any, _signature: Any, arguments: Any) -> Any:
-    return arguments[0]
+_type_callable(readonly)(lambda _context: _of_type)
+_lower(readonly, types.Any)(lambda _context, _builder, _signature, arguments: arguments[0])
