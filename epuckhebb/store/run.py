@@ -103,7 +103,9 @@ class Run:
         """Why no table may count this run, and how it goes on; nothing if it is finished and whole."""
         if self.is_whole:
             return ""
-        state = self.status["state"]
+        state = self.recorded_status.get("state", "unknown")
+        if state == "running" and not is_locked(self.path):
+            state = "interrupted"
         is_evolution = state != "finished" and self.has(CHECKPOINT)
         how = f"; resume it with: epuckhebb evolve resume={self.path}" if is_evolution else ""
         return f"{self.path} is not a finished run with whole files, its state is {state}{how}"
