@@ -239,15 +239,15 @@ RULE = Path(__file__).parents[1] / "examples" / "own_rule" / "my_rules.py"
 @pytest.mark.parametrize("rule", ["abcd", "oja", "none", "paper", f"{RULE}:Gated"])
 def test_a_rule_is_one_choice_by_either_key(rule):
     for command, more in (("evaluate", []), ("evaluate", ["adaptation=late"]), ("evolve", ["hebbian.w_max=1"])):
-        more = [] if rule == "none" and command == "evolve" else more
-        first, second = (composed(command, [f"{key}={rule}", *more]) for key in ("hebbian", "hebbian.rule"))
+        words = [] if rule == "none" and command == "evolve" else more
+        first, second = (composed(command, [f"{key}={rule}", *words]) for key in ("hebbian", "hebbian.rule"))
         assert first == second
     assert composed("evaluate", ["compare.x.rule=abcd"]).compare.x.N == composed("evaluate", ["hebbian=abcd"]).hebbian.N
 
 
 @pytest.mark.parametrize("words", [["hebbian=oja", "hebbian.rule=abcd"], [f"hebbian=none,{RULE}:Gated"]])
 def test_two_choices_of_a_rule_are_refused(words):
-    with pytest.raises(ConfigError, match="give one of them|give two calls"):
+    with pytest.raises(ConfigError, match=r"give one of them|give two calls"):
         for_hydra("evaluate", words)
 
 
