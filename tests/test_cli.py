@@ -16,8 +16,8 @@ from typer.main import get_command
 
 from epuckhebb.analysis.evaluate import COLUMNS
 from epuckhebb.cli.commands import app
-from epuckhebb.runs import evolve
-from epuckhebb.runtime import JOB_FAILED
+from epuckhebb.runs import evolve, hydra
+from epuckhebb.runtime import JOB_FAILED, ConfigError
 
 FAST = ["lifetime.duration_s=8", "lifetime.record_every=0", "repeats=2"]
 TINY = ["ga.population=6", "ga.generations=3", "ga.elites=2", "ga.loops=1", "lifetime.duration_s=3"]
@@ -62,6 +62,28 @@ def test_multirun_sweeps(here, launcher):
     assert set(rows[rows.controller == "Hebbian"].groupby(["N", "scenario"]).size()) == {4}
     ga = rows[rows.controller == "GA"].drop_duplicates()
     assert len(ga) == 8  # the control is the same whatever N is
+
+
+def test_a_worker_works_in_the_folder_of_the_call(here, monkeypatch):
+    elsewhere, done_in = here / "elsewhere", []
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    hydra._do(lambda _: done_in.append(Path.cwd()), [], -1, here, None)
+    monkeypatch.chdir(elsewhere)
+    hydra._do(lambda _: done_in.append(Path.cwd()), [], os.getpid(), here, None)
+    assert done_in == [here, elsewhere]
+    with pytest.raises(ConfigError, match="nowhere, where this was called, is not on"):
+        hydra._do(done_in.append, [], -1, here / "nowhere", None)
+    assert len(done_in) == 2
+
+
+def test_a_multirun_without_a_run_in_its_folder_is_an_error(here, monkeypatch):
+    given = []
+    monkeypatch.setattr(hydra, "call", lambda *words: given.extend(words[2]))
+    result = call("evaluate", "-m", "seed=1,2", *FAST, "hydra.sweep.dir=here")
+    assert result.exit_code == JOB_FAILED
+    assert f"{here}/here" in result.stderr
+    assert f"hydra.sweep.dir={here}/here" in given
 
 
 def test_cfg_shows_and_runs_nothing(here):

@@ -4,6 +4,7 @@ import itertools
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 import yaml
@@ -230,3 +231,30 @@ def test_a_caller_who_composes_with_hydra_can_go_on(tmp_path):
         done("evaluate", "--cfg=job")
         assert (sys.argv, os.environ.get("HYDRA_FULL_ERROR")) == before
         assert compose("own").value == 1
+
+
+RULE = Path(__file__).parents[1] / "examples" / "own_rule" / "my_rules.py"
+
+
+@pytest.mark.parametrize("rule", ["abcd", "oja", "none", "paper", f"{RULE}:Gated"])
+def test_a_rule_is_one_choice_by_either_key(rule):
+    for command, more in (("evaluate", []), ("evaluate", ["adaptation=late"]), ("evolve", ["hebbian.w_max=1"])):
+        words = [] if rule == "none" and command == "evolve" else more
+        first, second = (composed(command, [f"{key}={rule}", *words]) for key in ("hebbian", "hebbian.rule"))
+        assert first == second
+    assert composed("evaluate", ["compare.x.rule=abcd"]).compare.x.N == composed("evaluate", ["hebbian=abcd"]).hebbian.N
+
+
+@pytest.mark.parametrize("words", [["hebbian=oja", "hebbian.rule=abcd"], [f"hebbian=none,{RULE}:Gated"]])
+def test_two_choices_of_a_rule_are_refused(words):
+    with pytest.raises(ConfigError, match=r"give one of them|give two calls"):
+        for_hydra("evaluate", words)
+
+
+def test_a_sweep_over_rules_by_either_key_has_the_same_jobs():
+    jobs = [
+        [config for _, config in configurations("evaluate", [], [(f"{key}=oja",), (f"{key}=bcm",)], None)]
+        for key in ("hebbian", "hebbian.rule")
+    ]
+    assert jobs[0] == jobs[1]
+    assert for_hydra("evaluate", ["hebbian.rule=oja,bcm"])[1] == ["hebbian=oja,bcm"]

@@ -1,5 +1,6 @@
 """Evolution from a champion, worlds that come back, devices for worlds that change, and the Baldwin effect."""
 
+import json
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -22,7 +23,8 @@ from epuckhebb.evolution.optimizers.sep_cma_es import SepCmaEs
 from epuckhebb.evolution.search import LEARNT, Search
 from epuckhebb.evolution.training import UNVARIED, Training
 from epuckhebb.runs import prepare_evolution
-from epuckhebb.store import load_genome
+from epuckhebb.store import load_genome, of_multirun
+from epuckhebb.studies.sweep import write_summary_of_multirun
 from epuckhebb.tmaze.individual import Controller
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.scenario import Scenario
@@ -208,10 +210,41 @@ def test_a_multirun_of_evolutions_ends_with_a_table():
     assert Path(done("figure", "runs/evolve/many", "learning", "-f", "svg").stdout.strip()).is_file()
     own = [epuckhebb.evolve(*TINY[1:-1], "ga.population=4", f"seed={seed}", progress=False) for seed in (1, 2)]
     assert epuckhebb.compare({4: own}).best_fitness[0] == pytest.approx(table.best_fitness[1])
-    folders = [run.parent for run in Path("runs/evolve/many").glob("*/history.csv")]
-    assert epuckhebb.compare({"all": folders}).n[0] == 4
+    folders = [Path("runs/evolve/many", str(number)) for number in range(4)]
+    np.testing.assert_array_equal(epuckhebb.compare({3: folders[:2], 4: folders[2:]}).n, 2)
+    np.testing.assert_array_equal(epuckhebb.compare({4: own * 3, 3: [*folders[:2], folders[0]]}).n, 2)
+    with pytest.raises(ValueError, match=r"many/0 and runs/evolve/many/2 in ga"):
+        epuckhebb.compare({"all": folders})
     with pytest.raises(ValueError, match="nowhere"):
         epuckhebb.compare({"none": ["nowhere"]})
+    for wrong in ({}, [own], {"a": []}, {"a": own[0]}, {"a": "runs"}, {"a": [1]}, {"a": None}):
+        with pytest.raises(ValueError, match="names with lists of evolutions"):
+            epuckhebb.compare(wrong)
+
+
+@pytest.mark.usefixtures("here")
+def test_an_evolution_counts_once_and_only_when_it_is_finished():
+    words = ["-m", "seed=1,1,2", "threads=1,2", *TINY[:5], "figures=none", "hydra.sweep.dir=many"]
+    assert "4 of 6 evolutions are copies" in done("evolve", *words).stderr
+    (table,) = pd.read_csv("many/summary.csv").to_dict("records")
+    histories = [pd.read_csv(f"many/{number}/history.csv") for number in (0, 4)]
+    assert table["n"] == 2
+    assert table["best_fitness"] == pytest.approx(np.mean([one.best_fitness.iloc[-1] for one in histories]), rel=1e-12)
+    status = json.loads(Path("many/4/status.json").read_text())
+    Path("many/4/status.json").write_text(json.dumps(status | {"state": "interrupted"}))
+    with pytest.raises(ValueError, match=r"many/4 .* interrupted; resume it with: epuckhebb evolve resume=many/4"):
+        epuckhebb.compare({"a": ["many/0", "many/4"]})
+    Path("many/5/status.json").write_text("{}")
+    told = done(
+        "evolve", "-m", "seed=7,7", *TINY[:-1], "hydra.sweep.dir=many", "hydra.sweep.subdir=more${hydra.job.num}"
+    )
+    assert "Not counted: many/4" in told.stderr
+    (table,) = pd.read_csv("many/summary.csv").to_dict("records")
+    assert table["n"] == 2
+    done("evolve", "resume=many/0", "ga.generations=3", "-q")
+    write_summary_of_multirun(Path("many"), of_multirun(Path("many")))
+    ways = pd.read_csv("many/summary.csv")
+    assert dict(zip(ways.generations, ways.n, strict=True)) == {2: 2, 3: 1}
 
 
 def test_hours_to_success_are_a_median_over_all_evolutions():

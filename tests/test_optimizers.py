@@ -128,6 +128,51 @@ def test_a_step_of_open_es_goes_by_ranks_of_antithetic_pairs():
     np.testing.assert_allclose(search.candidates()[0][weights], expected[weights], atol=1e-12)
 
 
+def test_equal_fitness_moves_the_mean_of_open_es_nowhere():
+    search = Search(OpenEs(population=40), PLAN, 5)
+    search.ask()
+    search.tell(np.zeros(50), {})
+    before = search.candidates()[0]
+    for _ in range(3):
+        search.ask()
+        search.tell(np.full(40, 500.0), {})
+    assert search.candidates()[0].tobytes() == before.tobytes()
+
+
+def test_individuals_of_equal_fitness_share_the_mean_of_their_ranks_in_open_es():
+    search = Search(OpenEs(population=6, starts=2, sigma=0.1, learning_rate=0.2), PLAN, 5)
+    search.ask()
+    search.tell(np.zeros(2), {})
+    mean, population = search.candidates()[0], search.ask()
+    search.tell(np.array([1.0, 7.0, 4.0, 1.0, 4.0, 4.0]), {})  # the first pair is equal: its ranks 5 and 6 are shared
+    noise, ranks = (population[:3] - mean) / 0.1, [-0.4, 0.5, 0.1, -0.4, 0.1, 0.1]
+    moved = sum((ranks[k] - ranks[k + 3]) * noise[k] for k in range(3))
+    weights = slice(0, 20)
+    np.testing.assert_allclose(
+        search.candidates()[0][weights], (mean + 0.2 / (6 * 0.1) * moved)[weights], rtol=0, atol=1e-12
+    )
+
+
+@pytest.mark.parametrize("fitness", [[3, 1, 1, 1, 0, 0], [1, 1, 1, 1, 1, 1], [2, 0, 3, 2, 1, 0], [5, 4, 3, 3, 2, 1]])
+def test_individuals_of_equal_fitness_share_the_mean_of_their_weights_in_sep_cma_es(fitness):
+    """The mean and the deviations are those of the published update (Ros & Hansen 2008), with these weights."""
+    search, values = Search(SepCmaEs(population=6, starts=2), PLAN, 5), np.array(fitness, float)
+    search.ask()
+    search.tell(np.array([1.0, 0.0]), {})
+    mean, samples = search._optimizer._mean.copy(), search.ask() / search._optimizer._unit
+    cma = search._optimizer._cma
+    sigma, c1, c_mu, c_c = cma._sigma, cma._c1, cma._cmu, cma._cc
+    by_rank = np.append(cma._weights, np.zeros(3))[np.argsort(np.argsort(-values, kind="stable"))]
+    weights = np.array([by_rank[values == value].mean() for value in values])
+    steps = (samples - mean) / sigma
+    expected = mean + sigma * weights @ steps
+    path = np.sqrt(c_c * (2 - c_c) * cma._mu_eff) * (weights @ steps)
+    variances = 1 - c1 - c_mu + c1 * path**2 + c_mu * weights @ steps**2
+    search.tell(values, {})
+    np.testing.assert_allclose(search._optimizer._mean, expected, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(cma._C, variances, rtol=0, atol=1e-12)
+
+
 RULES = GenomePlan((Part("weights", 3), Part("A", 16, limit=2.0), Part("eta", 16, limit=2.0)))
 
 

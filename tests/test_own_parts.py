@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import pandas as pd
@@ -17,6 +18,12 @@ import epuckhebb
 from epuckhebb import Rule
 from epuckhebb.config import EvaluateConfig, EvolveConfig, load, plugins
 from epuckhebb.config.parts import KINDS, part_class
+from epuckhebb.controller.controller import Controller
+from epuckhebb.controller.evolved import Evolved
+from epuckhebb.controller.genome import plan_of
+from epuckhebb.controller.network import Network
+from epuckhebb.controller.own_class import PartError
+from epuckhebb.flock.coupling import Coupling, Moment, changed
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.store.genome import load_genome
 from epuckhebb.store.run import Run
@@ -234,6 +241,14 @@ COMPILED = {  # it takes a kernel to find these; the first is among the ordinary
                        "infinite or nan"),
     "has no such state": (part("fitness", method="step = staticmethod(lambda state: state.mor)"), "fitness",
                           "have no 'mor'"),
+    **{f"writes into {what}": (part(kind, method=f"@staticmethod\n    def {method}({what}):\n        {store} = 0.0\n"
+                                    "        return 0.5"), kind, "an array that it is handed")
+       for kind, method, what, store in (
+           ("fitness", "step", "readings", "readings[3]"), ("change signal", "signal", "readings", "readings[0]"),
+           ("change signal", "signal", "nominal", "nominal.reading_mean[0, 0]"),
+           ("sensor", "read", "walls", "walls[1:][0, 0]"))},
+    "is no number": (part("change signal", method="signal = staticmethod(lambda time_s: np.sqrt(0.1 - time_s))"),
+                     "change signal", "gave nan on a left trial of scenario base at step 5 of 250"),
     "has no such setting": (part("rule", method="synapse = staticmethod(lambda pre, by: pre * by.mor)"), "rule", "mor"),
 }  # fmt: skip
 
@@ -248,6 +263,29 @@ def test_what_compiled_code_does_wrong_is_refused_before_there_is_a_folder(case)
     words = ["evolve", "lifetime.duration_s=2"] if kind in ("wiring", "sensor") else ["evaluate", *SHORT]
     assert message in refused(*words, *words_for(kind), *(["hebbian.N=0.001"] if kind == "rule" else []))
     assert not Path("runs").exists()
+
+
+def test_what_plain_python_is_handed_cannot_be_written():
+    network = Network((1, 2, 1))
+    now = Moment(np.ones((2, 2)), np.zeros((2, 2)), np.zeros(2), -1, 0.0)
+
+    def store(array):
+        array[0] = 1.0
+        return array
+
+    class Writes(Coupling):
+        def weights(self, now):
+            return store(now.weights)
+
+    class Evolves(Rule):
+        evolved: ClassVar = {"A": Evolved("network", value=store)}
+        synapse = staticmethod(lambda A: A)
+
+    with pytest.raises(PartError, match="read-only"):
+        changed(Writes(), now)
+    with pytest.raises(ValueError, match="read-only"):
+        Controller(np.zeros(plan_of(network, Evolves).genes), network, Evolves())
+    assert (now.weights == 1.0).all()
 
 
 @pytest.mark.usefixtures("here")

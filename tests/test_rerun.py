@@ -4,14 +4,16 @@ import contextlib
 import hashlib
 import json
 import shutil
+import subprocess
 from datetime import datetime
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from cases import call, done
 
-from epuckhebb.store import genome
+from epuckhebb.store import genome, provenance
 from epuckhebb.store.run import Run
 from epuckhebb.studies import sweep
 
@@ -54,6 +56,27 @@ def test_a_run_says_where_it_comes_from(run):
         genes = genome.load_genome("reference", "obstacles").genes
         assert told["genome_sha256"] == hashlib.sha256(genes.tobytes()).hexdigest()
     assert "${" not in (run / ".hydra" / "config.yaml").read_text()
+
+
+def test_the_commit_is_that_of_the_program_in_a_hook_of_another_repository(tmp_path, monkeypatch):
+    provenance._code_version.cache_clear()
+    expected = dict(provenance._code_version())
+    subprocess.run(["git", "init", "-q", tmp_path], check=True)
+    for name, place in {"GIT_DIR": ".git", "GIT_WORK_TREE": ".", "GIT_INDEX_FILE": ".git/index"}.items():
+        monkeypatch.setenv(name, str(tmp_path / place))
+    provenance._code_version.cache_clear()
+    assert provenance._code_version() == expected
+    assert (expected["commit"] is None) == (not (provenance._PACKAGE.parent / ".git").exists())
+
+
+def test_numbers_are_read_back_to_the_last_bit(tmp_path):
+    drawn = np.random.default_rng(1)
+    numbers = drawn.normal(size=20_000) * 10.0 ** drawn.integers(-20, 20, 20_000)
+    pd.DataFrame({"fitness": numbers}).to_csv(tmp_path / "metrics.csv", index=False)
+    (tmp_path / "status.json").write_text("{}")
+    assert Run(tmp_path).table("metrics.csv").fitness.to_numpy().tobytes() == numbers.tobytes()
+    as_text = pd.read_csv(tmp_path / "metrics.csv", dtype=str).fitness  # as `gather` has it
+    assert pd.to_numeric(as_text).to_numpy().tobytes() == numbers.tobytes()
 
 
 def test_show_tells_what_it_is_and_where_the_rest_stands(run):

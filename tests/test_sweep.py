@@ -177,6 +177,52 @@ def test_another_genome_or_another_science_is_done_anew(here, monkeypatch):
     assert list(pd.read_csv(only_sweep(here) / "sweep.csv").genome.unique()) == ["mine"]
 
 
+def test_each_job_has_its_own_reason(here, monkeypatch):
+    """One fails in its run, one before it has one, and the launcher stops before the others begin."""
+    evaluate, work, call_hydra = runs_evaluate.evaluate, sweep.Sweep.work, hydra.call
+
+    def fail(genes, scenario, *others, **more):
+        if scenario.name == "2obstacles":
+            raise ArithmeticError("the robot is lost")
+        return evaluate(genes, scenario, *others, **more)
+
+    def refuse(path, job, facts):
+        if "scenario=4obstacles" in job["overrides"]:
+            raise ConfigError("the table is empty")
+        work(path, job, facts)
+
+    def stop(command, task, arguments):
+        jobs = arguments[0].split(",")
+        call_hydra(command, task, [",".join(jobs[:3]), *arguments[1:]])
+        raise hydra.LauncherError("the launcher stopped: CANCELLED")
+
+    monkeypatch.setattr(runs_evaluate, "evaluate", fail)
+    monkeypatch.setattr(sweep.Sweep, "work", staticmethod(refuse))
+    monkeypatch.setattr(hydra, "call", stop)
+    words = ["sweep", "obstacles", "seed=1,2", "scenario=base,2obstacles,4obstacles", *FAST, "hydra/launcher=basic"]
+    assert call(*words).exit_code == 1
+    failed = pd.read_csv(only_sweep(here) / "failed.csv").error
+    stopped = "it has not begun; the launcher stopped: CANCELLED"
+    assert "the robot is lost" in failed[0]
+    assert list(failed[1:]) == ["the table is empty", stopped, stopped, stopped]
+
+
+@pytest.mark.parametrize(
+    ("status", "trouble", "reason"),
+    [
+        ({"state": "failed", "error": "lost"}, "; the launcher stopped", "lost"),
+        ({"state": "running"}, "; the launcher stopped", "it may be at work; the launcher stopped"),
+        ({"state": "running"}, "", "it ended unexpectedly"),
+        ({}, "; the launcher stopped", "it has not begun; the launcher stopped"),
+        ({}, "", "it has not begun"),
+    ],
+)
+def test_a_job_without_a_run_says_how_far_it_came(tmp_path, status, trouble, reason):
+    if status:
+        (tmp_path / "status.json").write_text(json.dumps(status))
+    assert study_jobs._reason(tmp_path, trouble) == reason
+
+
 @pytest.mark.usefixtures("failing")
 def test_a_failed_job_is_told_of_and_the_others_are_kept(here, monkeypatch):
     words = ["sweep", "obstacles", *TWO, "hydra/launcher=basic"]

@@ -56,6 +56,33 @@ def test_what_is_no_plain_setting_is_refused_with_file_and_line(mine, tmp_path, 
     assert [path.name for path in tmp_path.iterdir()] == ["conf"]
 
 
+SEVERAL_READINGS = ["010", "1:30", "0x10", "1_0", "-07", "0b1", "1:30:20.5", "[0.1, 010]", "{x: 1_000.5}"]
+
+
+@pytest.mark.parametrize("text", SEVERAL_READINGS)
+def test_a_number_with_several_readings_is_refused_in_files_and_words_alike(mine, text):
+    mine(f"defaults: [base, _self_]\nlight: {text}\n")
+    for words in ([f"scenario.light={text}"], ["scenario=mine"]):
+        with pytest.raises(ConfigError, match=r"(light=|mine\.yaml, line 2).*has several readings"):
+            composed("evaluate", words, "conf")
+    mine(f"light: {text}\n", "change/mine.yaml")
+    with pytest.raises(ConfigError, match=r"change/mine\.yaml, line 1.*has several readings"):
+        composed("evaluate", ["change=mine"], "conf")
+
+
+def test_plain_numbers_and_texts_are_no_numbers_with_several_readings(mine):
+    mine("defaults: [base, _self_]\nlight: 0.5\nname: '010'\nlamp: {x_m: -0.01, intensity: 1e-1}\n")
+    words = [
+        "scenario=mine",
+        "scenario.sun_turn_deg=0",
+        "scenario.wall_friction=0.5",
+        "genome=runs/2026_010/champion.npz",
+    ]
+    read = composed("evaluate", [*words, "scenario.dead_sensors=[0,1]"], "conf")
+    assert (read.scenario.light, read.scenario.name, read.scenario.lamp.intensity) == (0.5, "010", 0.1)
+    assert read.genome == "runs/2026_010/champion.npz"
+
+
 def test_the_folder_of_the_user_is_not_walked():
     began = time.process_time()
     assert composed("evaluate", [], "/").changed == ""

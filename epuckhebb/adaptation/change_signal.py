@@ -8,6 +8,7 @@ import numpy as np
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled
+from epuckhebb.controller.compiling.readonly import readonly
 from epuckhebb.controller.own_class import OwnClass, call_of, number
 from epuckhebb.tmaze.robot import STEP_S
 
@@ -87,16 +88,19 @@ class NominalOfSide(NamedTuple):
 
 def no_nominal(inputs: int, lights: int) -> NominalOfSide:
     """Nominal statistics for a robot that has none. inputs, lights: how many readings it has, how many of light."""
-    return NominalOfSide(
-        time_to_goal_s=np.nan,
-        away_s=0.0,
-        fitness=np.zeros(1),
-        reading_mean=np.zeros((2, inputs)),
-        reading_spread=np.ones((2, inputs)),
-        patterns=np.zeros((lights, PATTERNS)),
-        lengths=np.ones(PATTERNS),
-        novelty=np.inf,
+    nominal: NominalOfSide = readonly(
+        NominalOfSide(
+            time_to_goal_s=np.nan,
+            away_s=0.0,
+            fitness=np.zeros(1),
+            reading_mean=np.zeros((2, inputs)),
+            reading_spread=np.ones((2, inputs)),
+            patterns=np.zeros((lights, PATTERNS)),
+            lengths=np.ones(PATTERNS),
+            novelty=np.inf,
+        )
     )
+    return nominal
 
 
 @compiled

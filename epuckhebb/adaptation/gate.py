@@ -6,6 +6,7 @@ Exploration also begins at a given time, if the robot has never been at its goal
 the gate of exploration is open, or at the goal alone, where the robot is given the goal signal.
 """
 
+import math
 from collections.abc import Callable
 from enum import Enum
 from typing import Any
@@ -13,6 +14,7 @@ from typing import Any
 from epuckhebb.adaptation import exploration
 from epuckhebb.adaptation.change_signal import ChangeSignal, SignalContext, signal_of, update_recent
 from epuckhebb.controller.compiling.kernel import compiled
+from epuckhebb.controller.own_class import is_own
 from epuckhebb.tmaze.robot import STEP_S
 
 WAIT_S = 1.5  # of a halt that waits, without a goal signal: chosen for signals a second apart (docs/adaptations.md)
@@ -57,7 +59,7 @@ def gates(kind: type[ChangeSignal], plastic_when: PlasticWhen, stay: Stay) -> Ca
     """The function that opens both gates, `open_gate` of `adaptation.Hooks`."""
     signal = signal_of(kind)
     always, at_the_goal = plastic_when is PlasticWhen.always, plastic_when is PlasticWhen.goal_signal
-    halts, for_good = stay.halts, stay is Stay.halt
+    halts, for_good, must_be_number = stay.halts, stay is Stay.halt, is_own(kind)
 
     @compiled
     def open_gate(life: Any, setup: Any, fitness: float, step: int) -> float:
@@ -70,6 +72,8 @@ def gates(kind: type[ChangeSignal], plastic_when: PlasticWhen, stay: Stay) -> Ca
         time_s = step * STEP_S
         context = SignalContext(time_s, tally.away_s, tally.arrived, state.recent)
         tally.change_signal = signal(context, nominal, state.signal[0])
+        if must_be_number and tally.failed_signal == 0 and math.isnan(tally.change_signal):
+            tally.failed_signal = step + 1
         open_by = 0.0 if at_goal else need(tally.change_signal, gate.threshold, gate.slope)
         if time_s >= gate.start_by_s and not tally.arrived:
             open_by = 1.0

@@ -14,6 +14,7 @@ from epuckhebb.adaptation.change_signal import RECENT_S, NominalOfSide
 from epuckhebb.adaptation.homeostasis import EVERY, lengths_of, light_patterns
 from epuckhebb.controller import random
 from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.compiling.readonly import readonly
 from epuckhebb.controller.network import PAPER_NETWORK, Network
 from epuckhebb.controller.random import Stream
 from epuckhebb.tmaze.batch import run_lifetimes
@@ -53,16 +54,19 @@ class Nominal:
     def of(self, side: Side) -> NominalOfSide:
         """The statistics for this side."""
         k = SIDES.index(side)
-        return NominalOfSide(
-            float(self.time_to_goal_s[k]),
-            float(self.away_s[k]),
-            self.fitness[k],
-            self.reading_mean,
-            self.reading_spread,
-            np.ascontiguousarray(self.patterns.T),
-            lengths_of(self.patterns),
-            self.novelty,
+        nominal: NominalOfSide = readonly(
+            NominalOfSide(
+                float(self.time_to_goal_s[k]),
+                float(self.away_s[k]),
+                self.fitness[k],
+                self.reading_mean,
+                self.reading_spread,
+                np.ascontiguousarray(self.patterns.T),
+                lengths_of(self.patterns),
+                self.novelty,
+            )
         )
+        return nominal
 
 
 def measure_nominal(

@@ -1,7 +1,7 @@
 """Over many evolutions: a row for each way to evolve, with intervals over seeds, and a table to read."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -47,6 +47,17 @@ def summary(evolutions: Histories, fitness: float | None = None) -> pd.DataFrame
             row |= dict(zip((name, f"{name}_low", f"{name}_high"), known, strict=True))
         rows.append(row)
     return pd.DataFrame(rows)
+
+
+def distinct(evolutions: Iterable[tuple[NDArray[np.float64], pd.DataFrame]]) -> list[pd.DataFrame]:
+    """The histories of evolutions, each of them once: copies are no sample.
+
+    evolutions: the champion's genes and the history of each. Copies have both bit-identical.
+    """
+    once: dict[tuple[bytes, str], pd.DataFrame] = {}
+    for champion, history in evolutions:
+        once.setdefault((champion.tobytes(), history.to_csv(index=False)), history)
+    return list(once.values())
 
 
 def readable(table: pd.DataFrame) -> Table:

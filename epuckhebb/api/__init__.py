@@ -14,7 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from epuckhebb.adaptation.adaptation import Adaptation
-from epuckhebb.analysis.evolutions import summary
+from epuckhebb.analysis.evolutions import distinct, summary
 from epuckhebb.analysis.lifetimes import Evaluated, gather
 from epuckhebb.api.results import Evaluation, Evolution, Live
 from epuckhebb.config import (
@@ -31,11 +31,12 @@ from epuckhebb.config import load as load_config
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.plasticity.rule import NoRule, Rule
 from epuckhebb.evolution.evolve import history_row
-from epuckhebb.runs import as_evolved, compile_for, prepare_evaluation, prepare_evolution
+from epuckhebb.runs import as_evolved, compile_for, evolved, prepare_evaluation, prepare_evolution, settings_but_seed
 from epuckhebb.runtime import ConfigError, bar, be_quiet, say, thread_count
-from epuckhebb.store import Genome, Run, checked_genes, load_genome, resolve_run
+from epuckhebb.store import Genome, checked_genes, load_genome, resolve_run
 
 Genes = NDArray[np.float64]
+_NEEDS_WAYS = "evolutions must be names with lists of evolutions or run folders, as {'ga': ['runs/evolve/A']}"
 
 
 def load(where: str | Path = "reference", experiment: str = "obstacles") -> Genes:
@@ -141,16 +142,36 @@ def compare(evolutions: Mapping[Any, Sequence[Evolution | str | Path]], fitness:
             fittest end at the goal.
 
     Returns:
-        A row a way, with 95 % bootstrap intervals over seeds if there are six or more.
+        A row a way, with 95 % bootstrap intervals over seeds if there are six or more. Each evolution counts once.
+
+    Raises:
+        ValueError: The evolutions of a way differ in more than their seeds, or one of them is not finished.
     """
-    histories = [({"evolution": way}, [_history(one) for one in own]) for way, own in evolutions.items()]
-    return summary(histories, fitness)
+    ways = [(way, _listed(way, own)) for way, own in evolutions.items()] if isinstance(evolutions, Mapping) else []
+    if not ways:
+        raise ConfigError(f"{_NEEDS_WAYS}, got {evolutions!r}")
+    return summary([({"evolution": way}, _histories(way, own)) for way, own in ways], fitness)
 
 
-def _history(evolution: Evolution | str | Path) -> pd.DataFrame:
-    if isinstance(evolution, Evolution):
-        return evolution.history
-    return Run(resolve_run(evolution, "evolve")).table("history.csv")
+def _listed(way: Any, evolutions: Any) -> list[Evolution | Path]:
+    is_list = isinstance(evolutions, Sequence) and not isinstance(evolutions, str | Evolution)
+    if not is_list or not evolutions or not all(isinstance(one, Evolution | str | Path) for one in evolutions):
+        raise ConfigError(f"{_NEEDS_WAYS}, got {evolutions!r} for {way!r}")
+    return [one if isinstance(one, Evolution) else resolve_run(one, "evolve") for one in evolutions]
+
+
+def _histories(way: Any, evolutions: list[Evolution | Path]) -> list[pd.DataFrame]:
+    """The histories of evolutions that differ in their seeds alone, each of them once."""
+    found = [one if isinstance(one, Evolution) else evolved(one) for one in evolutions]
+    folders = [path for path in evolutions if isinstance(path, Path)]
+    settings = [settings_but_seed(path) for path in folders]
+    for path, own in zip(folders, settings, strict=True):
+        if differ := [key for key in {**own, **settings[0]} if own.get(key) != settings[0].get(key)]:
+            raise ConfigError(f"evolutions of {way!r} may differ in seed alone, {folders[0]} and {path} in {differ[0]}")
+    lengths = sorted({len(history) for _, history in found})
+    if len(lengths) > 1:
+        raise ConfigError(f"evolutions of {way!r} must have as many generations, got {', '.join(map(str, lengths))}")
+    return distinct(found)
 
 
 def play(

@@ -19,6 +19,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.adaptation.adaptation import NONE, Adaptation
 from epuckhebb.config.schema import OPEN, SCHEMAS
+from epuckhebb.config.yaml_file import check_numbers
 from epuckhebb.controller.own_class import OwnClass
 from epuckhebb.runtime import ConfigError, conf, data_folder, did_you_mean
 
@@ -30,6 +31,7 @@ _NUMBERED = ("genome", "start", "seed")  # keys of which the values between two 
 OF_ENVIRONMENT = "_environment"  # ends the names of the configurations that are not of the maze
 _ENVIRONMENT, _MAZE = "environment=", "environment=tmaze"
 _MOST_JOBS = 100_000  # of one call
+_RULES, _RULE = "hebbian", "hebbian.rule"
 ANY = "gym"  # the row of environments without one of their own
 
 
@@ -80,6 +82,8 @@ def check_words(command: str, words: Sequence[str], *, several: bool = False) ->
     open_keys = tuple(f"{key}." for key in OPEN if key in known)  # the schema does not know what keys are below
     for override in parsed(word for word in words if not word.startswith("-")):
         key, line = override.key_or_group, str(override.input_line)
+        if not key.startswith(("hydra.", "hydra/")):
+            check_numbers(line)
         if key == "changed":
             raise ConfigError("changed is filled in by the program, with what differs from the named scenario")
         value = override.value()
@@ -157,9 +161,9 @@ def for_hydra(command: str, words: Iterable[str]) -> tuple[str, list[str]]:
     """The name of the configuration of these overrides, which is another in an environment, and what Hydra is given.
 
     `environment=FILE.py:NAME` is an id, `change` is a key of an environment there, and a list below `compare` a mapping
-    of names that have no settings, as the schema has it.
+    of names that have no settings, as the schema has it. `hebbian` and `hebbian.rule` are one choice.
     """
-    words, result = list(words), list[str]()
+    words, result = _with_one_rule(list(words)), list[str]()
     named = [word for word in words if word.startswith(_ENVIRONMENT)][-1:]
     worlds = set(alternatives(named).get("environment", ()))
     if _MAZE in worlds and len(worlds) > 1:
@@ -181,6 +185,22 @@ def for_hydra(command: str, words: Iterable[str]) -> tuple[str, list[str]]:
         elif word != _MAZE:
             result.append(word)
     return command, result
+
+
+def _with_one_rule(words: list[str]) -> list[str]:
+    """Overrides in which a rule is chosen by `hebbian` if it has a row there, and by `hebbian.rule` if it has none."""
+    chosen = {key: [word for word in words if word.startswith(f"{key}=")] for key in (_RULES, _RULE)}
+    for key, other in ((_RULE, _RULES), (_RULES, _RULE)):
+        for word in chosen[key]:
+            ((_, values),) = alternatives([word]).items()
+            have_row = {value_of(value) in conf.groups("evaluate")[_RULES] for value in values}
+            if have_row == {key == _RULE} and (key == _RULE or all(".py:" in value for value in values)):
+                if chosen[other]:
+                    raise ConfigError(f"{chosen[other][-1]} and {word} both choose the rule; give one of them")
+                words = [f"{other}={one.partition('=')[2]}" if one == word else one for one in words]
+            elif len(have_row) > 1 and any(".py:" in value for value in values):
+                raise ConfigError(f"{word}: rows and FILE.py:NAME do not go together in one list; give two calls")
+    return words
 
 
 def overrides_of(overrides: Sequence[Any], keys: Mapping[str, Any]) -> list[str]:

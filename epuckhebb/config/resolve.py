@@ -110,6 +110,8 @@ def _compared(name: str, given: Any, config_dir: str | None) -> tuple[str, Any]:
             is_adaptation = name in conf.groups("evaluate")["adaptation"] or (config_dir is not None and file.is_file())
             added = _named(f"{'adaptation' if is_adaptation else 'hebbian'}={name}", config_dir)
             return name, {**added["hebbian"], **({"adaptation": added["adaptation"]} if is_adaptation else {})}
+        if isinstance(given, DictConfig) and given.get("rule") in {*conf.table("hebbian")} - {NONE, PAPER}:
+            given = OmegaConf.merge(_named(f"hebbian={given.rule}", config_dir)["hebbian"], given)
         if isinstance(given, DictConfig) and isinstance(given.get("adaptation"), str):
             given.adaptation = _named(f"adaptation={given.adaptation}", config_dir)["adaptation"]
     except ConfigError as error:

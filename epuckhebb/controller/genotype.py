@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.compiling.readonly import readonly
 from epuckhebb.controller.genome import NEURON, WEIGHTS, GenomePlan
 from epuckhebb.controller.network import Network, initial_weights_of
 from epuckhebb.controller.plasticity.rule import (
@@ -65,14 +66,16 @@ def initial_state(
     activation = np.zeros(network.neurons)
     activation[network.bias] = 1.0
     return {
-        "genotype": Genotype(
-            weights,
-            synapse_state,
-            coefficients(type(rule), network, parts),
-            modulatory_weights(type(rule), parts, rule.reward),
-            initial_lengths(rule, network, weights),
-            np.ascontiguousarray(signs, float),
-            neurons,
+        "genotype": readonly(
+            Genotype(
+                weights,
+                synapse_state,
+                coefficients(type(rule), network, parts),
+                modulatory_weights(type(rule), parts, rule.reward),
+                initial_lengths(rule, network, weights),
+                np.ascontiguousarray(signs, float),
+                neurons,
+            )
         ),
         "weights": weights.copy(),
         "synapse_state": synapse_state.copy(),

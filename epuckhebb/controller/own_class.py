@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.controller.compiling.errors import MUST_GIVE_A_NUMBER
 from epuckhebb.controller.compiling.kernel import BUILDING_BLOCK, compiled, compiled_whole, in_module
+from epuckhebb.controller.compiling.readonly import readonly
 from epuckhebb.controller.ranges import check
 
 _OURS = Path(__file__).parents[1]
@@ -175,11 +176,13 @@ _overload(number, jit_options=BUILDING_BLOCK)(_number)
 def call_of(function: Any, names: Collection[str], how: Mapping[str, str], given: str, **parts: Any) -> Any:
     """A building block with the arguments `given`, which calls a static method of a user's.
 
-    Only what the method has as arguments is computed, so the call is written when these are known. names: of its
-    arguments. how: how to make each of them. parts: other names in `how`.
+    Only what the method has as arguments is computed, so the call is written when these are known. It may write into
+    its state, and into no array that it is handed. names: of its arguments. how: how to make each of them. parts:
+    other names in `how`.
     """
-    call = f"lambda {given}: function({', '.join(how[name] for name in names)})"
-    return compiled(eval(call, {"function": compiled_whole(in_module(function, __name__)), "math": math, **parts}))
+    call = f"lambda {given}: function({', '.join(f'readonly({how[name]})' for name in names)})"
+    called = compiled_whole(in_module(function, __name__))
+    return compiled(eval(call, {"function": called, "readonly": readonly, "math": math, **parts}))
 
 
 def number_of(

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.compiling.readonly import readonly
 from epuckhebb.controller.evolved import Evolved
 from epuckhebb.controller.own_class import OwnClass, PartError, stored
 from epuckhebb.controller.ranges import within
@@ -121,7 +122,7 @@ class Wiring(OwnClass):
         count = sum(self.sizes)
         parameters = np.empty((len(self.evolved), count))
         for row, (name, evolved) in zip(parameters, self.evolved.items(), strict=True):
-            value = genes[name] if evolved.value is None else np.asarray(evolved.value(genes[name]))
+            value = genes[name] if evolved.value is None else np.asarray(evolved.value(readonly(genes[name])))
             if value.shape not in (genes[name].shape, ()) or not np.isfinite(value).all():
                 needed = f"`value` of {name} must give {genes[name].size} finite numbers"
                 raise PartError(f"wiring {self.name}: {needed}, got {value}")

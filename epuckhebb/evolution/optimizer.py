@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from epuckhebb.controller import random
 from epuckhebb.controller.arrays import Floats
@@ -196,6 +197,11 @@ class EvolutionStrategy(Optimizer):
     @abstractmethod
     def _move(self, fitness: Floats) -> Floats:
         """The mean after this generation, (genes,)."""
+
+
+def ties(ordered: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """For each of these values, (n,) in ascending order, the first and the last place of an equal one."""
+    return np.searchsorted(ordered, ordered, "left"), np.searchsorted(ordered, ordered, "right") - 1
 
 
 def initial(rng: np.random.Generator, count: int, plan: GenomePlan) -> Floats:

@@ -60,7 +60,7 @@ class Search:
         self.measures = [name for name in type(optimizer).arguments("tell") if name in OF_OUTCOME]
         self._do("start", plan, seed)
         if start is not None:
-            self._do("begin_at", start)
+            self._do("begin_at", start.copy())
         for number, results in enumerate(log):
             self.ask()
             if self._digest != results.digest:
@@ -77,7 +77,7 @@ class Search:
     def tell(self, fitness: Floats, measures: Mapping[str, Floats]) -> None:
         """Give the optimizer their results; measures by name."""
         if LEARNT in measures:
-            self._do("inherit", measures[LEARNT])
+            self._do("inherit", measures[LEARNT].copy())
         given = {_FITNESS: fitness, **measures}
         names = inspect.signature(self._optimizer.tell).parameters
         self._do("tell", **{name: given[name].copy() for name in names})  # which the optimizer may change

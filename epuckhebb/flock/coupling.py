@@ -10,6 +10,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.compiling.readonly import readonly
 from epuckhebb.controller.own_class import OwnClass, PartError, calling
 from epuckhebb.controller.ranges import within
 
@@ -62,7 +63,7 @@ def changed(coupling: Coupling, now: Moment) -> Floats:
     """
     name, count = type(coupling).__name__, len(now.fitness)
     with calling(f"coupling {name}"):
-        given = np.array(coupling.weights(now), float)
+        given = np.array(coupling.weights(readonly(now)), float)
     if given.shape != (count, count):
         raise PartError(f"coupling {name} must give {count} rows of {count} weights, it gave shape {given.shape}")
     np.fill_diagonal(given, 0.0)

@@ -16,6 +16,15 @@ from epuckhebb.runs.evaluate import (
     evaluate_job,
     prepare_evaluation,
 )
-from epuckhebb.runs.evolve import earlier_champions, evolve_into, evolve_job, new_evolution, prepare_evolution, resume
+from epuckhebb.runs.evolve import (
+    earlier_champions,
+    evolve_into,
+    evolve_job,
+    evolved,
+    new_evolution,
+    prepare_evolution,
+    resume,
+    settings_but_seed,
+)
 from epuckhebb.runs.notes import caption, notes_of
 from epuckhebb.runs.rerun import config_of, repeat

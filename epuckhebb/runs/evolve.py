@@ -282,6 +282,23 @@ def _write_generation(run: RunFolder, state: Checkpoint, prepared: PreparedEvolu
     run.write("history.csv", state.history)
 
 
+def evolved(path: Path) -> tuple[NDArray[np.float64], Any]:
+    """The champion's genes of a finished evolution, and its history, a row a generation."""
+    run = Run(path)
+    if run.unfinished:
+        raise ConfigError(run.unfinished)
+    return load_genome(str(path), "").genes, run.table("history.csv")
+
+
+def settings_but_seed(path: Path) -> dict[str, Any]:
+    """The settings of an evolution on which its results depend, by key, without the seed."""
+    values = settings(path / CONFIG)
+    for dotted in ("seed", "threads", "figures", "environment.processes"):
+        group, _, key = dotted.rpartition(".")
+        (values.get(group, {}) if group else values).pop(key, None)
+    return values
+
+
 def earlier_champions(path: Path, shares: Sequence[float]) -> Iterator[tuple[int, NDArray[np.float64]]]:
     """The champions of a whole evolution after shares of its generations, each with the robot-steps until then."""
     config = from_values(settings(path / CONFIG), EvolveConfig, str(path / CONFIG))

@@ -2,6 +2,7 @@
 
 import functools
 import os
+import platform
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
@@ -25,6 +26,7 @@ from epuckhebb.config import (
     configurations,
     explain,
     from_values,
+    quoted,
     swept_values,
     typed,
     value_of,
@@ -34,7 +36,7 @@ from epuckhebb.config.catalogue import USERS, VERSION_BASE, catalogue, choices_o
 from epuckhebb.config.compose import composed_with_hydra
 from epuckhebb.config.resolve import resolve
 from epuckhebb.runtime import ConfigError, JobFailedError, data_folder, exit_with_parent, refusing, say, thread_count
-from epuckhebb.store import check_folder_of_multirun, of_multirun
+from epuckhebb.store import STATUS, check_folder_of_multirun, of_multirun
 
 _CHECKED_IN_FULL = 20  # a longer list of values is checked at its two ends
 _FULL_ERROR = "HYDRA_FULL_ERROR"  # environment variable
@@ -102,10 +104,15 @@ def run(command: str, job: Callable[[Job], None], arguments: list[str], config_d
         return []
     if useless := [argument for argument in arguments if argument.startswith(RUN_DIR)]:
         raise ConfigError(f"{useless[-1]} does nothing in a multirun; give {SWEEP_DIR}FOLDER")
-    given = [value_of(argument) for argument in arguments if argument.startswith(SWEEP_DIR)]
-    folder = Path(given[-1]) if given else Path("runs") / command.partition("_")[0] / f"{new_stamp()}_multirun"
+    named = [argument for argument in arguments if argument.startswith(SWEEP_DIR)]
+    folder = (
+        Path(value_of(named[-1])) if named else Path("runs") / command.partition("_")[0] / f"{new_stamp()}_multirun"
+    )
     check_folder_of_multirun(folder)
-    call(command, task, arguments if given else [f"{SWEEP_DIR}{folder}", *arguments], config_dir)
+    others = [argument for argument in arguments if argument not in named]
+    call(command, task, [f"{SWEEP_DIR}{quoted(str(folder.absolute()))}", *others], config_dir)
+    if not any(folder.rglob(STATUS)):
+        raise JobFailedError(f"no job has left a run in {folder.absolute()}; do all machines of the launcher see it?")
     return of_multirun(folder)
 
 
@@ -156,9 +163,19 @@ def _job_of_hydra(command: str, job: Callable[[Job], None], cfg: DictConfig) -> 
         raise
 
 
-def _do(task: Callable[[Any], None], errors: list[Exception], parent: int, cfg: Any) -> None:
-    """Do a job. Its error goes into a list if that is in this process: Hydra would print a line about it."""
+class LauncherError(JobFailedError):
+    """A launcher stopped; which of its jobs go on is not known."""
+
+
+def _do(task: Callable[[Any], None], errors: list[Exception], parent: int, folder: Path, cfg: Any) -> None:
+    """Do a job in the folder of the call, to which its files are relative; a worker may have begun in another one.
+
+    Its error goes into a list if that is in this process: Hydra would print a line about it.
+    """
     try:
+        if os.getpid() != parent:
+            with refusing(lambda _: f"{folder}, where this was called, is not on {platform.node()}", OSError):
+                os.chdir(folder)
         task(cfg)
     except (ConfigError, JobFailedError) as error:
         if os.getpid() != parent:
@@ -170,7 +187,7 @@ def call(command: str, task: Callable[[Any], None], arguments: list[str], config
     """Call Hydra as its own command line would; see `run`. task: is given each configuration that Hydra composed."""
     errors: list[Exception] = []
     entry = hydra.main(config_path=str(data_folder("conf")), config_name=command, version_base=VERSION_BASE)(
-        functools.partial(_do, task, errors, os.getpid())
+        functools.partial(_do, task, errors, os.getpid(), Path.cwd())
     )
     workers = joblib_workers() if "--multirun" in arguments else nullcontext()
     with catalogue(command, config_dir), _as_command_line(command, arguments), workers:
@@ -181,7 +198,7 @@ def call(command: str, task: Callable[[Any], None], arguments: list[str], config
         except Exception as error:
             if "--multirun" not in arguments or isinstance(error, HydraException | OmegaConfBaseException):
                 raise ConfigError(explain(error)) from error
-            raise JobFailedError(f"the launcher stopped: {type(error).__name__}: {error}") from error
+            raise LauncherError(f"the launcher stopped: {type(error).__name__}: {error}") from error
     if errors:
         raise errors[0]
 

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 import platform
 import subprocess
 from contextlib import suppress
@@ -20,6 +21,10 @@ from epuckhebb.store.genome import Genome
 SCIENCE = 2
 _PACKAGE = Path(__file__).resolve().parents[1]
 _NUMERIC = ("cmaes", "numba", "numpy", "pymunk")  # the packages on which digits may depend
+_PLACES = (  # variables that send git to another repository, as in a hook
+    *("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE", "GIT_OBJECT_DIRECTORY", "GIT_ALTERNATE_OBJECT_DIRECTORIES"),
+    *("GIT_COMMON_DIR", "GIT_PREFIX", "GIT_CEILING_DIRECTORIES", "GIT_NAMESPACE"),
+)
 _PACKAGES = ("epuckhebb", "cmaes", "pymunk", "numpy", "numba", "pandas", "hydra-core", "typer", "matplotlib")
 
 
@@ -59,7 +64,9 @@ def _code_version() -> dict[str, Any]:
     def git(*words: str) -> str | None:
         with suppress(OSError, subprocess.SubprocessError):
             command = ["git", "-C", str(_PACKAGE), *words]
-            return subprocess.run(command, capture_output=True, timeout=5, check=True, text=True).stdout.strip()
+            environment = {name: value for name, value in os.environ.items() if name not in _PLACES}
+            found = subprocess.run(command, capture_output=True, timeout=5, check=True, text=True, env=environment)
+            return found.stdout.strip()
         return None
 
     known: dict[str, Any] = {"version": __version__, "science": SCIENCE, "commit": None, "dirty": None}

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from epuckhebb.runtime import LATEST, ConfigError
 from epuckhebb.store import disk
-from epuckhebb.store.disk import CONFIG, PROVENANCE, STATUS, bytes_of, json_of, sha256_of
+from epuckhebb.store.disk import CHECKPOINT, CONFIG, PROVENANCE, STATUS, bytes_of, json_of, sha256_of
 from epuckhebb.store.lock import is_locked
 
 if TYPE_CHECKING:
@@ -97,6 +97,18 @@ class Run:
             whole = all(sha256_of((self.path / name).read_bytes()) == sha256 for name, sha256 in results.items())
             return whole and self.recorded_status.get("state") == "finished"
         return False
+
+    @property
+    def unfinished(self) -> str:
+        """Why no table may count this run, and how it goes on; nothing if it is finished and whole."""
+        if self.is_whole:
+            return ""
+        state = self.recorded_status.get("state", "unknown")
+        if state == "running" and not is_locked(self.path):
+            state = "interrupted"
+        is_evolution = state != "finished" and self.has(CHECKPOINT)
+        how = f"; resume it with: epuckhebb evolve resume={self.path}" if is_evolution else ""
+        return f"{self.path} is not a finished run with whole files, its state is {state}{how}"
 
     def _check_files(self) -> None:
         """Refuse what is no run folder."""

@@ -17,7 +17,7 @@ from typing import Any
 from epuckhebb.config import RUN_DIR, SWEEP_DIR, Plain, quoted
 from epuckhebb.runs import hydra
 from epuckhebb.runtime import ConfigError, JobFailedError, counting
-from epuckhebb.store import SCHEMA, UNFINISHED, Run, RunFolder, as_json, set_aside, write_atomic
+from epuckhebb.store import SCHEMA, UNFINISHED, Run, RunFolder, as_json, is_locked, set_aside, write_atomic
 
 NO_EFFECT = ("threads", "figures")  # keys on which no result depends
 LIST, JOBS = "sweep.json", "jobs"
@@ -109,20 +109,27 @@ def launch(study: RunFolder, name: str, jobs: Sequence[Job], launcher: list[str]
                 ]
                 try:
                     hydra.call("study", do, arguments)
+                except hydra.LauncherError as error:
+                    trouble = f"; {error}"
                 except (ConfigError, JobFailedError) as error:
                     if isinstance(error, ConfigError) and not any(path.exists() for path in attempts.values()):
                         raise  # nothing has begun
-                    trouble = str(error)
     remaining = {job.run for job in todo(folder, jobs)}
-    failures = [
-        (job, Run(attempts[job.run]).recorded_status.get("error") or trouble or "it ended unexpectedly")
-        for job in missing
-        if job.run in remaining
-    ]
+    failures = [(job, _reason(attempts[job.run], trouble)) for job in missing if job.run in remaining]
     with suppress(OSError):
         (folder / UNFINISHED).rmdir()  # unless something is left in it
     done = [job for job in jobs if job.run not in remaining]
     return Outcome(done=done, before=len(jobs) - len(missing), failures=failures)
+
+
+def _reason(attempt: Path, trouble: str) -> str:
+    """Why a job has no run. attempt: the folder in which it works. trouble: of the launcher, if it stopped."""
+    status = Run(attempt).recorded_status
+    if "error" in status:
+        return str(status["error"])
+    if status.get("state") == "running":
+        return f"{'it may be at work' if trouble or is_locked(attempt) else 'it ended unexpectedly'}{trouble}"
+    return f"it has not begun{trouble}"
 
 
 def count(folder: Path, jobs: Sequence[Job], attempts: Sequence[Path]) -> tuple[int, int]:

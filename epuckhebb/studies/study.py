@@ -30,7 +30,7 @@ from epuckhebb.config import (
 )
 from epuckhebb.runs import hydra
 from epuckhebb.runtime import ConfigError, JobFailedError, path_of, say
-from epuckhebb.store import Run, RunFolder, digest, fingerprint
+from epuckhebb.store import STATUS, Run, RunFolder, as_json, digest, fingerprint, write_atomic
 from epuckhebb.studies.jobs import (
     JOBS,
     LIST,
@@ -246,7 +246,16 @@ def study_job(cfg: Any) -> None:
     folder, which is renamed afterwards, and facts for `provenance.json`.
     """
     attempt = hydra.output_folder()
-    folder, run = attempt.parents[1], str(cfg.job)
+    try:
+        _do_job(attempt, str(cfg.job))
+    except Exception as error:
+        if attempt.is_dir() and not Run(attempt).recorded_status:  # its reason is its own, whatever other jobs say
+            write_atomic(attempt / STATUS, as_json({"state": "failed", "error": str(error)}))
+        raise
+
+
+def _do_job(attempt: Path, run: str) -> None:
+    folder = attempt.parents[1]
     listed = Run(folder).json(LIST)
     study, job = study_named(listed["name"]), Run(folder).json(f"{JOBS}/{run}.json")
     if study.name_of(job["config"]) != run:

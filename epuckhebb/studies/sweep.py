@@ -32,8 +32,8 @@ from epuckhebb.config import (
     swept_values,
 )
 from epuckhebb.controller.ranges import check_values
-from epuckhebb.runs import as_evolved, evaluate_into, hydra, prepare_evaluation
-from epuckhebb.runtime import ConfigError
+from epuckhebb.runs import as_evolved, evaluate_into, evolved, hydra, prepare_evaluation
+from epuckhebb.runtime import ConfigError, say
 from epuckhebb.store import (
     Content,
     Genome,
@@ -179,14 +179,26 @@ def _without(config: Plain, keys: Sequence[str]) -> Plain:
     return {key: value for key, value in config.items() if key not in keys}
 
 
-def write_summary_of_multirun(folder: Path, finished: Sequence[Path]) -> None:
-    """Write the tables and figures over all runs of a multirun of `evaluate`, or of `evolve`, into its folder."""
+def write_summary_of_multirun(folder: Path, runs: Sequence[Path]) -> None:
+    """Write the tables and figures over all finished runs of a multirun of `evaluate`, or of `evolve`, into its folder.
+
+    What is left out is said.
+    """
+    for path in runs:
+        if reason := Run(path).unfinished:
+            say(f"Not counted: {reason}")
+    finished = _finished(runs)
+    if not finished:
+        return
 
     def write(name: str, content: Content) -> None:
         write_atomic(folder / name, as_bytes(content))
 
     if Run(finished[0]).has(_HISTORY):
-        write("summary.csv", evolutions.summary(_ways(finished)))
+        ways = _ways(finished)
+        if copies := len(finished) - sum(len(histories) for _, histories in ways):
+            say(f"{copies} of {len(finished)} evolutions are copies of others; each evolution counts once.")
+        write("summary.csv", evolutions.summary(ways))
         _draw(folder, write)
     else:
         _write_over_all(folder, write, gather([_evaluated(path, _settings(path), {}) for path in finished]))
@@ -197,21 +209,33 @@ def _settings(path: Path) -> dict[str, str]:
     return Job(number=0, overrides=Run(path).provenance["overrides"], run="", config={}).settings
 
 
+def _finished(runs: Sequence[Path]) -> list[Path]:
+    return [path for path in runs if Run(path).is_whole]
+
+
 def _ways(runs: Sequence[Path]) -> list[tuple[Mapping[str, Any], list[pd.DataFrame]]]:
-    """The settings that evolutions differ in, but for the seed, and the histories of each."""
-    every = list(map(_settings, runs))
-    differ = [key for key in every[0] if key != "seed" and len({own.get(key) for own in every}) > 1]
-    ways: dict[tuple[str, ...], list[pd.DataFrame]] = {}
-    for path, settings in zip(runs, every, strict=True):
-        ways.setdefault(tuple(settings.get(key, "") for key in differ), []).append(Run(path).table(_HISTORY))
-    return [(dict(zip(differ, way, strict=True)), own) for way, own in ways.items()]
+    """The settings that finished evolutions differ in, but for the seed, and the histories of each, without copies.
+
+    Those that went on for other times differ in their `generations`.
+    """
+    every, found = list(map(_settings, runs)), [evolved(path) for path in runs]
+    lengths = [str(len(history)) for _, history in found]
+    typed = [{key: value for key, value in own.items() if key != "seed"} for own in every]
+    if any(len({one for one, own in zip(lengths, typed, strict=True) if own == same}) > 1 for same in typed):
+        every = [{**own, "generations": length} for own, length in zip(every, lengths, strict=True)]
+    keys = dict.fromkeys(key for own in every for key in own if key != "seed")
+    differ = [key for key in keys if len({own.get(key) for own in every}) > 1]
+    ways: dict[tuple[str, ...], list[Any]] = {}
+    for one, settings in zip(found, every, strict=True):
+        ways.setdefault(tuple(settings.get(key, "") for key in differ), []).append(one)
+    return [(dict(zip(differ, way, strict=True)), evolutions.distinct(own)) for way, own in ways.items()]
 
 
 def figures(run: Run) -> dict[str, "Figure"]:
     """The figures of the tables over all runs in a folder of a sweep or a multirun."""
     from epuckhebb.analysis import charts  # matplotlib takes a while to load
 
-    if (runs := of_multirun(run.path)) and Run(runs[0]).has(_HISTORY):
+    if (runs := _finished(of_multirun(run.path))) and Run(runs[0]).has(_HISTORY):
         ways = {" ".join(f"{key}={value}" for key, value in way.items()): own for way, own in _ways(runs)}
         return {"learning": charts.learning_curves(ways)}
     drawn = {

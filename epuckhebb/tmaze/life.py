@@ -45,6 +45,7 @@ TALLY = np.dtype(
         ("time_to_goal", np.float64),  # s, nan until it arrives
         ("need", np.float64),  # g of the last step
         ("change_signal", np.float64),  # nan without a signal
+        ("failed_signal", np.int64),  # the step, counted from 1, at which a signal of the user's first was nan
         ("away_s", np.float64),  # since the start, or since it was at the goal
         ("exploring", np.bool_),  # whether the gate of exploration is open
         ("halted", np.bool_),  # whether it stands still at the goal

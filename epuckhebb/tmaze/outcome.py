@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from epuckhebb.controller.compiling.readonly import readonly
 from epuckhebb.controller.plasticity.weight_change import saturated_fraction
 from epuckhebb.tmaze import fitness
 from epuckhebb.tmaze.life import Life, tally_of
@@ -91,7 +92,7 @@ def outcome_of(life: Life, world: Scenario, side: Side, at_start: float, bound: 
     world: of the last step. side: of the goal. at_start: distance from its start to the nearest goal [m]. bound: of the
     weights. pose: of the robot after the last step.
     """
-    tally = tally_of(life)
+    tally, trials = tally_of(life), readonly(life.trials)
     (other_goal,) = (world.goals_now[other] for other in SIDES if other != side)
     behaviour, goal_reward = tally.behaviour_sum / tally.step, fitness.reward(tally.goal_distance)
     outcome = Outcome(
@@ -104,7 +105,7 @@ def outcome_of(life: Life, world: Scenario, side: Side, at_start: float, bound: 
         tally.weight_change + tally.scaling,
         tally.contacts / tally.step,
         tally.goal_distance < world.maze.goal_radius_m,
-        world.task.fitness(behaviour, goal_reward, life.trials, at_start),
+        world.task.fitness(behaviour, goal_reward, trials, at_start),
         tally.step,
         saturated_fraction(life.weights, bound),
         *pose[:2],
@@ -112,7 +113,7 @@ def outcome_of(life: Life, world: Scenario, side: Side, at_start: float, bound: 
         math.dist(pose[:2], other_goal) < world.maze.goal_radius_m,
     )
     if world.fitness.is_own:
-        facts = {**outcome._asdict(), "paper": outcome.fitness, "trials": life.trials}
+        facts = {**outcome._asdict(), "paper": outcome.fitness, "trials": trials}
         outcome = outcome._replace(fitness=world.fitness.of_lifetime(facts, life.score))
     if len(life.trials):
         outcome = OutcomeOfTrials(*outcome)

@@ -292,6 +292,9 @@ class Session:
         if wiring is not None and not np.isfinite(life.activation).all():
             name = wiring.name
             raise PartError(f"wiring {name}: `neuron` gave infinite or nan activations {where}; noticed {when}")
+        if tally.failed_signal:
+            name, first = who.controller.adaptation.parts[0].__name__, tally.failed_signal
+            raise PartError(f"change signal {name}: `signal` gave nan {where} at step {first} of {self.lifetime.steps}")
         where = f"{where}, controller {who.controller.name},"
         stored = life.weights, life.synapse_state.view(np.float64), tally.weight_change_sum
         if not all(np.isfinite(values).all() for values in stored):

@@ -8,6 +8,7 @@ from typing import Any
 _LINES = 10  # of a message, at most
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")  # numba colours its messages where it can
 _MAKES_AN_ARRAY = "Only accept returning of array passed into the function"  # what it says without memory of its own
+_WRITES = "Cannot modify readonly array"
 MUST_GIVE_A_NUMBER = "must give a number"
 
 
@@ -26,6 +27,8 @@ def explained(parts: Sequence[Any], error: Exception) -> NotCompiledError:
         reason = [f"its state or its settings have no {text}"]
     if _MAKES_AN_ARRAY in text:
         reason = ["it makes an array, and may have only numbers: put what it stores into its state"]
+    if _WRITES in text:
+        reason = ["it writes into an array that it is handed, and others read it after it: write into its state"]
     if found := re.search(f"{MUST_GIVE_A_NUMBER}.*", text):
         reason = [f"{' or '.join(f'`{part.METHODS[0]}`' for part in parts if part.METHODS)} {found[0]}"]
     names = " or ".join(f"{part.KEY}={inspect.getsourcefile(part)}:{part.__name__}" for part in parts)

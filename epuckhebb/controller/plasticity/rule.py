@@ -9,6 +9,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.compiling.readonly import readonly
 from epuckhebb.controller.evolved import Evolved
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import OwnClass, name_of
@@ -218,7 +219,7 @@ def values_of(rule: type[Rule], network: Network, genes: Mapping[str, Floats]) -
     values = dict(genes)
     for name, evolved in evolved_by(rule, network).items():
         if evolved.value is not None:
-            values[name] = evolved.value(genes[name])
+            values[name] = evolved.value(readonly(genes[name]))
     return values
 
 

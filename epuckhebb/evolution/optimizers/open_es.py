@@ -3,7 +3,8 @@
     theta_i = theta + sigma e_i and theta - sigma e_i    e_i ~ N(0, 1): a pair
     theta   = theta + alpha / (n sigma) sum_i u_i e_i    u_i: rank of the fitness among all n, from -.5 to .5
 
-alpha is `learning_rate` times `learning_rate_decay` to the power of the generations so far.
+Individuals of equal fitness share the mean of their ranks, so a pair that is equal moves nothing. alpha is
+`learning_rate` times `learning_rate_decay` to the power of the generations so far.
 
 Source: Salimans, Ho, Chen, Sidor & Sutskever, Evolution strategies as a scalable alternative to reinforcement learning,
 2017, with the constants of Najarro & Risi, NeurIPS 2020. Theirs has a population of 200 and 300 generations; here the
@@ -25,7 +26,7 @@ from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.genome import GenomePlan
 from epuckhebb.controller.random import Stream
 from epuckhebb.controller.ranges import within
-from epuckhebb.evolution.optimizer import EvolutionStrategy
+from epuckhebb.evolution.optimizer import EvolutionStrategy, ties
 
 
 @dataclass(kw_only=True)
@@ -73,7 +74,9 @@ class OpenEs(EvolutionStrategy):
         """Move the mean by ranks, and merge rules when it is time."""
         order = np.argsort(-fitness, kind="stable")
         rate = self.learning_rate * self.learning_rate_decay ** (self._generations - 1)
+        first, last = ties(-fitness[order])
         ranks = np.linspace(0.5, -0.5, len(order))
+        ranks = (ranks[first] + ranks[last]) / 2.0
         towards = (ranks[:, None] * self._noise[order]).sum(axis=0)  # genes that are alike stay bit-identical
         mean: Floats = np.clip(self._mean + rate / (len(order) * self.sigma) * towards, -self._bound, self._bound)
         if self._generations % self.merge_every == 0 and self._generations <= self.merges * self.merge_every:

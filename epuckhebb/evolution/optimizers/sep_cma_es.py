@@ -1,6 +1,11 @@
 """Separable CMA-ES: a cloud of genomes that moves and learns how wide it should be along each gene (Ros & Hansen 2008).
 
-The algorithm is `SepCMA` of the library cmaes.
+The algorithm is `SepCMA` of the library cmaes. It weighs the fitter half by rank, w_i ~ ln(mu + 1) - ln i. Here
+individuals of equal fitness share the mean of their weights, those of the other half included, whose weight is 0.
+
+The library has no weights to set. Its update depends on the samples through two sums alone, of w x and of w (x - m)^2
+for the last mean m, in each gene. So with ties it is given other points, which have with its own weights the sums that
+the samples have with the shared weights.
 """
 
 from dataclasses import dataclass
@@ -9,7 +14,7 @@ import numpy as np
 from cmaes import SepCMA
 
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.evolution.optimizer import EvolutionStrategy
+from epuckhebb.evolution.optimizer import EvolutionStrategy, ties
 
 
 @dataclass(kw_only=True)
@@ -26,6 +31,28 @@ class SepCmaEs(EvolutionStrategy):
 
     def _move(self, fitness: Floats) -> Floats:
         """Move the distribution towards the fitter half."""
-        self._cma.tell([(genes, -float(value)) for genes, value in zip(self._population, fitness, strict=True)])
+        points = _without_ties(self._ranked, np.sort(-fitness))
+        self._cma.tell([(genes, float(value)) for genes, value in zip(points, np.sort(-fitness), strict=True)])
         mean: Floats = self._cma.mean
         return mean
+
+
+def _without_ties(ranked: Floats, losses: Floats) -> Floats:
+    """Points for the algorithm, (population, genes): the samples, or, if any of the fitter half is in a tie, others.
+
+    ranked: the samples, best first. losses: (population,), ascending.
+    """
+    first, last = ties(losses)
+    half = len(ranked) // 2
+    if (first == last)[:half].all():
+        return ranked
+    weights = np.zeros(len(ranked))
+    weights[:half] = np.log(half + 1) - np.log(np.arange(1, half + 1))
+    weights /= weights.sum()
+    shared = np.array([weights[begin : end + 1].mean() for begin, end in zip(first, last, strict=True)])
+    middle = (shared[:, None] * ranked).sum(axis=0)
+    spread = np.sqrt((shared[:, None] * (ranked - middle) ** 2).sum(axis=0))
+    (one, two), points = weights[:2], np.tile(middle, (len(ranked), 1))
+    points[0] += spread * np.sqrt(two / (one * (one + two)))
+    points[1] -= spread * np.sqrt(one / (two * (one + two)))
+    return points

@@ -1,0 +1,33 @@
+"""Arrays that a part is handed and may not write: others read the same ones after it."""
+
+from typing import Any
+
+import numpy as np
+from numba import types
+from numba.extending import lower_builtin, type_callable
+
+_type_callable: Any = type_callable
+_lower: Any = lower_builtin
+_RECORD: Any = types.BaseNamedTuple
+_TUPLE: Any = types.BaseTuple
+
+
+def readonly(value: Any) -> Any:
+    """The same array, or record of arrays, in a form that cannot be written; numba refuses to compile a store."""
+    if isinstance(value, np.ndarray):
+        view = value.view()
+        view.flags.writeable = False
+        return view
+    return type(value)(*map(readonly, value)) if isinstance(value, tuple) and hasattr(value, "_fields") else value
+
+
+def _of_type(kind: Any) -> Any:
+    if isinstance(kind, types.Array):
+        return kind.copy(readonly=True)
+    if isinstance(kind, _RECORD):
+        return _TUPLE.from_types([_of_type(one) for one in kind.types], kind.instance_class)
+    return kind
+
+
+_type_callable(readonly)(lambda _context: _of_type)
+_lower(readonly, types.Any)(lambda _context, _builder, _signature, arguments: arguments[0])
