@@ -123,7 +123,7 @@ def _cells(champions):
 
 
 def _differences(champions):
-    """`modulated` less itself with its weights frozen from the start, and from the change; p of the primary test alone."""
+    """`modulated` less itself with its weights frozen from the start, or from the change; p of the primary test."""
     rows = []
     for cell, own in champions[champions.method == "modulated"].groupby(CELL, sort=False):
         for control in (OFF, FROZEN):

@@ -14,6 +14,7 @@ from scipy import stats
 
 from epuckhebb.analysis import claims, findings, published, report
 from epuckhebb.analysis.statistics import (
+    RESAMPLES,
     bootstrap,
     difference,
     holm,
@@ -74,17 +75,44 @@ def test_sign_flip_agrees_with_scipy_and_is_exact_for_many():
     assert sign_flip(np.full(60, 2)) == 2 / 2**60
 
 
-def test_sign_flip_wants_whole_trials():
-    with pytest.raises(TypeError, match="float64"):
-        sign_flip(np.array([0.5, 1.0]))
+def difference_in_mean(ours, others, axis):
+    return ours.mean(axis) - others.mean(axis)
+
+
+@pytest.mark.parametrize("champions", [8, 30])
+def test_of_other_than_whole_numbers_p_is_listed_or_drawn(champions):
+    ours, others = np.random.default_rng(champions).normal([[0.4], [0.0]], 1.0, (2, champions))
+    for own, test, kind in (
+        (sign_flip(ours - others), ((ours - others,), np.mean), "samples"),
+        (permutation(ours, others), ((ours, others), difference_in_mean), "independent"),
+    ):
+        expected = stats.permutation_test(*test, permutation_type=kind, n_resamples=20000, rng=1).pvalue
+        assert own == pytest.approx(expected, abs=1e-12 if champions == 8 else 0.01)
+    if champions == 30:  # too many choices: drawn ones, and the observed
+        assert sign_flip(np.full(30, 0.5)) == permutation(np.full(30, 0.5), np.full(30, -9.5)) == 1 / (RESAMPLES + 1)
+        assert sign_flip(np.full(30, 2.0)) == 2 / 2**30
+
+
+def test_equal_sums_of_fractions_are_as_far():
+    thirds = np.array([0.1, 0.2, -0.3, 0.7])  # .1 + .2 is not .3 in binary
+    assert sign_flip(thirds) == sign_flip(np.rint(10 * thirds).astype(int))
+    assert permutation(thirds[:2], thirds[2:]) == permutation(*np.rint(10 * thirds).astype(int).reshape(2, 2))
 
 
 def test_permutation_of_two_groups():
     assert permutation(np.array([3, 4, 5]), np.array([0, 1, 2])) == 2 / math.comb(6, 3)  # none overlaps
     assert permutation(np.array([1, 1]), np.array([1, 1, 1])) == 1.0
     ours, others = np.array([3, 5, 2, 8, 1, 7]), np.array([1, 2, 2, 3, 9, 0])
-    test = stats.permutation_test((ours, others), lambda x, y, axis: x.mean(axis) - y.mean(axis), n_resamples=1000)
-    assert permutation(ours, others) == pytest.approx(test.pvalue)
+    assert permutation(ours, others) == pytest.approx(
+        stats.permutation_test((ours, others), difference_in_mean, n_resamples=1000).pvalue
+    )
+
+
+def test_two_definitions_of_two_sided_differ_for_groups_of_unequal_size():
+    """Ours: in how many divisions the means are as far apart, in either direction. SciPy's: twice those of one."""
+    ours, others = np.array([4, 5, 6, 8]), np.array([2, 2, 2, 5, 1, 2])
+    assert permutation(ours, others) == pytest.approx(0.0143, abs=5e-5)
+    assert stats.permutation_test((ours, others), difference_in_mean).pvalue == pytest.approx(0.0286, abs=5e-5)
 
 
 def test_holm_by_hand():
@@ -186,6 +214,17 @@ def test_a_bootstrap_knows_nothing_of_few_or_of_equals():
         assert all(map(math.isnan, bootstrap(mean, values)))
     low, high = bootstrap(difference, np.arange(12.0), np.arange(8.0))
     assert low < 2 < high
+
+
+def test_another_seed_moves_an_interval_little():
+    values = np.random.default_rng(5).normal(size=12)
+    ends = np.array([bootstrap(mean, values, seed=seed) for seed in range(20)])
+    assert ends.std(axis=0).max() < 0.01 * width(ends.mean(axis=0))
+
+
+def test_the_interval_of_a_mean_is_that_of_its_resamples():
+    values = np.random.default_rng(5).normal(size=30)
+    assert bootstrap(mean, values) == pytest.approx(bootstrap(lambda drawn: drawn.mean(axis=-1), values), abs=1e-12)
 
 
 def test_aggregates_are_those_of_rliable():
@@ -335,9 +374,9 @@ def trial_values(by_champion):
         ([-12, -9, -11, -8, -10, -13, -9], "holds"),
         ([-3, -2, -4, -3, -1, -2, -3], "holds, smaller"),  # less than 10 %
         ([-2, 1, -1, 2, -3, 1, 0], "does not hold"),
-        ([-30, 20, -25, 15, 10, -20, -9], "inconclusive"),
+        ([-30, 20, -25, 15, 10, -20, -9], "inconclusive (n = 7)"),
         ([5, 6, 4, 5, 7, 6, 5], "does not hold"),
-        ([-12, -9, -11], "too few"),
+        ([-12, -9, -11], "too few (n = 3, 3 champions)"),
     ],
 )
 def test_a_claim_with_a_size_is_judged_by_its_effect(changes, verdict):
@@ -389,13 +428,30 @@ def test_the_rule_is_as_it_is_printed(low, high, verdict):
     assert claims.verdict(low, high, 7, 7) == verdict
 
 
+@pytest.mark.parametrize(
+    ("low", "high", "verdict"),
+    [
+        (-12, -1, "holds"),  # the paper's effect is -10
+        (-9, -1, "holds, smaller"),
+        (-14, -11, "holds"),
+        (-9, 1, "does not hold"),
+        (-11, 1, "inconclusive (n = 7)"),
+        (1, 12, "does not hold"),
+    ],
+)
+def test_the_rule_of_effects_is_as_it_is_printed(low, high, verdict):
+    assert claims.verdict(low, high, 7, 7, paper=-10.0) == verdict
+    assert claims.verdict(-high, -low, 7, 7, paper=10.0) == verdict
+
+
 def test_every_claim_is_judged_by_the_one_rule(paper):
     light = EACH.assign(experiment="light", scenario=EACH.scenario.map({"base": "highlight", "4obstacles": "lowlight"}))
     found = claims.claims(pd.concat([EACH, light[light.scenario.notna()]]), published.published_values(paper))
     assert len(found) == 13
-    judged = found[~found.verdict.str.startswith("check") & found.paper_effect.isna()]
-    rows = list(judged.itertuples())
-    assert [claims.verdict(row.low, row.high, row.n, row.champions) for row in rows] == list(judged.verdict)
+    for row in found[~found.verdict.str.startswith("check")].itertuples():
+        ends = (row.low, row.high) if math.isnan(row.paper_effect) else (row.effect_low, row.effect_high)
+        paper = None if math.isnan(row.paper_effect) else row.paper_effect
+        assert row.verdict == claims.verdict(*ends, row.n, row.champions, paper)
 
 
 def test_showcase_is_the_likest_of_the_masters(paper):

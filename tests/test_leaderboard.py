@@ -11,6 +11,7 @@ import pytest
 from cases import call, described_columns, done, first_of, refused
 
 from epuckhebb.analysis import leaderboard as board
+from epuckhebb.analysis.statistics import bootstrap, mean, wilson_by_champion
 from epuckhebb.runs import earlier_champions
 from epuckhebb.runtime.conf import groups
 from epuckhebb.runtime.errors import ConfigError
@@ -20,7 +21,6 @@ from epuckhebb.tmaze.tasks.reversal import Reversal
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "examples"
-REFERENCES = [ROOT / "runs" / "reference" / name for name in ("leaderboard", "leaderboard_unseen", "reversal")]
 TINY = "optimizer.population: 4, optimizer.starts: 3, optimizer.confirm: 2, optimizer.generations: 2"
 TINY += ", lifetime.duration_s: 3, scenario.paper_duration_s: 10"
 EVOLVED = f"optimizer: sep_cma_es, training: varied, {TINY}"
@@ -314,30 +314,19 @@ def test_the_table_by_hand():
     assert np.isnan(table.success_off["matched_control"])
 
 
-# The reference results
-
-
-@pytest.mark.parametrize("folder", REFERENCES)
-def test_the_reference_table_comes_of_the_rows_of_champions(folder):
-    told = pd.read_csv(folder / "leaderboard.csv").fillna({"matched_control": "", "best_plain": ""})
-    rows = [
-        board.Row(
-            experiment=row.experiment,
-            method=row.method,
-            kind=row.kind,
-            matched_control=row.matched_control,
-            evolved_parameters=int(row.evolved_parameters),
-            knowledge=row.knowledge,
-            knowledge_class=row.knowledge_class,
-        )
-        for row in told.itertuples()
-    ]
-    champions = pd.read_csv(folder / "champions.csv", dtype={"successes_off": "Int64", "successes_inverted": "Int64"})
-    pd.testing.assert_frame_equal(board.table(rows, champions), told, check_dtype=False)
-    worlds = pd.read_csv(folder / "worlds.csv").groupby(["experiment", "method"])[["trials", "successes"]].sum()
-    for row in told.itertuples():
-        assert (row.trials, row.successes) == tuple(worlds.loc[row.experiment, row.method])
-        assert row.champions == {"leaderboard": 12, "leaderboard_unseen": 20, "reversal": 10}[folder.name]
+def test_of_learners_the_interval_is_a_bootstrap_and_of_champions_alike_there_is_none():
+    """Ten champions at exactly 1,000 of 2,000 trials were once .50 [.40, .60]."""
+    alike, apart = rows_of("alike", [2] * 7, [0] * 7), rows_of("apart", [0, 1, 2, 2, 3, 4, 4], [1] * 7)
+    for experiment in ("obstacles", board.REVERSAL):
+        champions = pd.DataFrame(alike + apart).assign(experiment=experiment)
+        told = {"experiment": experiment, "evolved_parameters": 1, "matched_control": "", "kind": board.PLAIN}
+        table = board.table([board.Row(method=name, **told) for name in ("alike", "apart")], champions)
+        own = table.set_index("method").filter(like="success_")
+        assert own.loc["alike", ["success_low", "success_high"]].isna().all()
+        shares = np.array([0, 1, 2, 2, 3, 4, 4]) / 4
+        counted = wilson_by_champion(np.array([0, 1, 2, 2, 3, 4, 4]), np.full(7, 4))
+        expected = bootstrap(mean, shares) if experiment == board.REVERSAL else counted
+        assert tuple(own.loc["apart", ["success_low", "success_high"]]) == expected
 
 
 # What is refused

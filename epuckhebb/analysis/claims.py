@@ -18,13 +18,12 @@ from epuckhebb.tmaze.individual import CONTROLS, GA, HEBBIAN
 
 _SHUFFLED = CONTROLS[Sign.shuffled]
 RULE = (
-    "A claim on a share *holds* where the interval of the share of trials in which it is true lies above one half, "
-    "and *does not hold* where the interval lies below. It is *mixed* where the interval contains one half and lies "
-    "between one quarter and three quarters, and *inconclusive* otherwise. A claim with a size is judged by its "
-    "effect: the change in percent, as a mean over champions. It *holds* where the interval of the effect lies on the "
-    "claimed side of zero (*smaller*: and does not reach the paper's effect). Else it *does not hold* where the "
-    "interval leaves out the paper's effect, and is *inconclusive* where it does not. Trials of fewer than six "
-    "champions are *too few*. A *check* has no interval: it passes or fails."
+    "A claim on a share *holds* where the 95 % interval of the share lies above one half, and *does not hold* where it "
+    "lies below. Else it is *mixed* where the interval lies between one quarter and three quarters, and *inconclusive* "
+    "where it is wider. A claim with a size is judged by its effect: the change in percent, as a mean over champions. "
+    "It *holds* where the interval of the effect lies on the claimed side of zero (*smaller*: and does not reach the "
+    "paper's effect). Else it *does not hold* where the interval leaves out the paper's effect, and is *inconclusive* "
+    "where it does not. Trials of fewer than six champions are *too few*. A *check* passes or fails, without interval."
 )
 _MIXED = (0.25, 0.75)  # a wider interval is inconclusive
 
@@ -47,18 +46,24 @@ def claim(
     return row | {"verdict": verdict(low, high, n, champions)}
 
 
-def verdict(low: float, high: float, n: int, champions: int) -> str:
-    """The verdict of `RULE` on a share that has this interval among n trials of some champions.
+def verdict(low: float, high: float, n: int, champions: int, paper: float | None = None) -> str:
+    """The verdict of `RULE` on a share that has this interval among n trials of some champions, or on an effect.
 
-    The interval alone decides: 3 of 3 is not enough for any claim.
+    The interval alone decides: 3 of 3 is not enough for any claim. paper: the effect in the paper, whose sign is the
+    claim; None for a share.
     """
     if np.isnan(low):
         return f"too few (n = {n}, {champions} champion{'s' * (champions != 1)})" if n else "no trial to judge by"
-    if low > 0.5:
-        return "holds"
-    if high < 0.5:
-        return "does not hold"
-    return "mixed" if _MIXED[0] <= low and high <= _MIXED[1] else f"inconclusive (n = {n})"
+    if paper is None:
+        if low > 0.5:
+            return "holds"
+        if high < 0.5:
+            return "does not hold"
+        return "mixed" if _MIXED[0] <= low and high <= _MIXED[1] else f"inconclusive (n = {n})"
+    low, high = sorted(np.sign(paper) * end for end in (low, high))
+    if low > 0:
+        return "holds, smaller" if high < abs(paper) else "holds"
+    return f"inconclusive (n = {n})" if high >= abs(paper) else "does not hold"
 
 
 def effect(before: pd.Series, after: pd.Series, paper: float, control: pd.Series) -> dict[str, Any]:
@@ -75,13 +80,9 @@ def effect(before: pd.Series, after: pd.Series, paper: float, control: pd.Series
     for prefix, values in (("", after), ("control_", control)):
         keys = (f"{prefix}effect", f"{prefix}effect_low", f"{prefix}effect_high")
         row |= dict(zip(keys, _mean_of(100 * (values / before - 1)), strict=True))
-    low, high = sorted(np.sign(paper) * row[f"effect_{end}"] for end in ("low", "high"))
-    if np.isnan(low):
-        return row | {"verdict": "too few"}
-    excluded = not low <= abs(paper) <= high
-    if low > 0:
-        return row | {"verdict": "holds, smaller" if excluded and high < abs(paper) else "holds"}
-    return row | {"verdict": "does not hold" if excluded else "inconclusive"}
+    known = (after / before).dropna()
+    champions = known.index.get_level_values("genome").nunique()
+    return row | {"verdict": verdict(row["effect_low"], row["effect_high"], len(known), champions, paper)}
 
 
 def _mean_of(values: pd.Series) -> tuple[float, float, float]:

@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from epuckhebb.analysis.statistics import LEAST, bootstrap, difference, holm, mean
+from epuckhebb.analysis.statistics import LEAST, bootstrap, difference, holm, mean, permutation, sign_flip
 from epuckhebb.analysis.tables import Table, plain, with_interval
 from epuckhebb.worlds.environment import Lived
 
@@ -79,22 +78,14 @@ def tables(metrics: pd.DataFrame, settings: Sequence[str]) -> dict[str, pd.DataF
     return rows if compared.empty else {**rows, "effects": compared}
 
 
-def _of_means(ours: NDArray[np.float64], others: NDArray[np.float64]) -> float:
-    return float(ours.mean() - others.mean())
-
-
 def effects(metrics: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     """The effect of each rule on the return after a change: a row for each world and what the rule is compared with.
 
     A rule is compared with its own weights frozen at the change, on the same champions, and with champions that were
     evolved without a rule, which are others. Lifetimes that ended before the change, and champions of which all did,
-    are left out. The p values of the table are corrected together, by Holm. A condition
-    with fewer than six champions has no row.
-
-    Source of the tests: permutations of champions, Good (2005); scipy draws them where they are too many to list.
+    are left out. The p values of the table are corrected together, by Holm. A condition with fewer than six champions
+    has no row. p: of `sign_flip` or `permutation`.
     """
-    from scipy import stats
-
     columns = ["return_after", "N"]
     metrics = metrics.assign(**{name: pd.to_numeric(metrics[name]) for name in columns})
     rows: list[dict[str, Any]] = []
@@ -115,12 +106,11 @@ def effects(metrics: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
                     continue
                 values = pair[0].to_numpy(float), pair[1].to_numpy(float)
                 found = (mean, values[0] - values[1]) if is_paired else (difference, *values)
-                kind = "samples" if is_paired else "independent"
-                p = stats.permutation_test(values, _of_means, permutation_type=kind, rng=0).pvalue
+                p = sign_flip(values[0] - values[1]) if is_paired else permutation(*values)
                 row = {"controller": name, "against": other, "is_paired": is_paired}
                 row |= {"champions": len(pair[0]), "others": len(pair[1])}
                 ends = dict(zip(("effect_low", "effect_high"), bootstrap(*found), strict=True))
-                effect = {"effect": values[0].mean() - values[1].mean(), **ends, "p": float(p)}
+                effect = {"effect": values[0].mean() - values[1].mean(), **ends, "p": p}
                 rows.append(dict(zip(by, world, strict=True)) | row | effect)
     return pd.DataFrame(rows).assign(p_holm=holm([row["p"] for row in rows])) if rows else pd.DataFrame()
 

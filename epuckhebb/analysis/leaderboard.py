@@ -182,8 +182,17 @@ def anytime(courses: pd.DataFrame) -> pd.DataFrame:
 
 
 def _success_of(champions: pd.DataFrame, name: str) -> dict[str, float]:
+    """The share of trials that succeed, and its interval over champions; champions that are all alike have none.
+
+    In reversal learning the share of a champion is a mean of thousands of trials, not one of two or of many worlds:
+    its interval is a bootstrap, as that of the difference beside it.
+    """
     trials, successes = champions.trials.to_numpy(np.int64), champions.successes.to_numpy(np.int64)
-    low, high = wilson_by_champion(successes, trials)
+    shares, low, high = _shares(champions), np.nan, np.nan
+    if (champions.experiment == REVERSAL).all():
+        low, high = bootstrap(mean, shares)
+    elif len(set(shares)) > 1:
+        low, high = wilson_by_champion(successes, trials)
     share = successes.sum() / trials.sum() if len(trials) else np.nan
     return {name: share, f"{name}_low": low, f"{name}_high": high}
 

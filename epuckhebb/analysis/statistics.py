@@ -7,9 +7,10 @@ here: no interval and no p value takes them for two independent animals. Repeats
 Fewer than `LEAST` champions say nothing about others: there is then no interval.
 """
 
+import functools
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,9 @@ from epuckhebb.controller import random
 from epuckhebb.controller.random import Stream
 
 LEAST = 6  # champions
-RESAMPLES = 2000
+RESAMPLES = 100_000  # and draws of a Monte Carlo test: another seed moves an interval by a hundredth of its width
+_LISTED = 200_000  # choices that a test of other than whole numbers lists; ten against ten are 184,756
+_AT_ONCE = 2**20  # numbers that resamples hold at a time
 _UNKNOWN = (math.nan, math.nan)
 Statistic = Callable[..., NDArray[np.float64]]
 
@@ -89,50 +92,59 @@ def wilson_by_champion(part: NDArray[Any], whole: NDArray[Any]) -> tuple[float, 
     return wilson(true / trials, trials / max(1.0, between / independent))
 
 
-def sign_flip(differences: NDArray[np.int64]) -> float:
-    """Exact two-sided p value of paired differences, one a champion, if plasticity made no difference.
+def sign_flip(differences: NDArray[Any]) -> float:
+    """Two-sided p value of paired differences, one a champion, if plasticity made no difference.
 
     A champion's difference is the number of its trials that succeed with plasticity minus the number without: for two
     sides, one of -2, -1, 0, 1, 2. If plasticity made no difference, both signs of it were equally likely. p is the
     share of all choices of signs in which the sum is at least as far from 0 as the observed sum. The choices are
-    counted, not sampled: a table of how many choices give each sum grows by one champion at a time. p is therefore
-    exact for any number of champions. Where every difference is -1, 0 or 1, this is McNemar's exact test.
+    counted, not sampled: a table of how many choices give each sum grows by one champion at a time. Of whole numbers
+    p is therefore exact for any number of champions. Where every difference is -1, 0 or 1, this is McNemar's exact
+    test. Of other numbers, such as returns, p is exact where there are at most 200,000 choices, those of 17 champions.
+    Else it is a Monte Carlo p value of `RESAMPLES` drawn choices; the observed one counts as one more.
 
     Source: Fisher's randomisation test, *The Design of Experiments* (1935), section 21; Good, *Permutation, Parametric
-    and Bootstrap Tests of Hypotheses* (2005). scipy's `permutation_test` lists all choices, too many for forty
-    champions.
+    and Bootstrap Tests of Hypotheses* (2005); of Monte Carlo, Phipson & Smyth, Stat. Appl. Genet. Mol. Biol. 9 (2010).
 
     Args:
-        differences: whole numbers, one for each champion, (champions,).
-
-    Raises:
-        TypeError: the differences are no whole numbers.
+        differences: one for each champion, (champions,).
     """
-    if not np.issubdtype(differences.dtype, np.integer):
-        raise TypeError(f"differences must be whole numbers of trials, got {differences.dtype}")
+    own = _exact(differences[differences != 0])
+    least, sizes = _least(own, len(own)), np.abs(own)
+    if not _is_countable(sizes, 2 ** len(sizes)):
+        return _monte_carlo(lambda rng, n: rng.choice([-1, 1], (n, len(sizes))) @ sizes, len(sizes), least)
     ways = Counter({0: 1})
-    for size in np.abs(differences[differences != 0]).tolist():
+    for size in sizes.tolist():
         longer: Counter[int] = Counter()
         for total, count in ways.items():
             longer[total + size] += count
             longer[total - size] += count
         ways = longer
-    observed = abs(int(differences.sum()))
-    return sum(count for total, count in ways.items() if abs(total) >= observed) / ways.total()
+    return _share_as_far(ways, least)
 
 
-def permutation(ours: NDArray[np.int64], others: NDArray[np.int64]) -> float:
-    """Exact two-sided p value of the difference in mean of two groups of champions that have nothing in common.
+def permutation(ours: NDArray[Any], others: NDArray[Any]) -> float:
+    """Two-sided p value of the difference in mean of two groups of champions that have nothing in common.
 
     It is for methods that evolve champions of their own: that two champions have the same seed makes them no pair. If
     the methods were equal, each division of all champions into two groups of these sizes was equally likely. p is the
-    share of divisions in which the means differ by at least as much. They are counted, as in `sign_flip`.
+    share of divisions in which the means differ by at least as much, in either direction. They are counted, or drawn,
+    as in `sign_flip`. For groups of unequal size this is not the two-sided p of scipy, which is twice that of the more
+    likely direction.
 
     Source: Pitman, Suppl. J. R. Stat. Soc. 4 (1937) 119; Good (2005), as of `sign_flip`.
 
-    ours, others: whole numbers, one for each champion, (champions,) each.
+    ours, others: one number for each champion, (champions,) each.
     """
-    both = np.concatenate([ours, others])
+    both = _exact(np.concatenate([ours, others])) * (len(ours) + len(others))
+    both -= both.sum() // len(both) if both.dtype.kind == "i" else both.mean()  # a sum is its distance from the middle
+    least = _least(both, len(ours))
+    if not _is_countable(both, math.comb(len(both), len(ours))):
+
+        def draw(rng: np.random.Generator, n: int) -> NDArray[np.float64]:
+            return np.asarray(rng.permuted(np.tile(both, (n, 1)), axis=1)[:, : len(ours)].sum(axis=1))
+
+        return _monte_carlo(draw, len(both), least)
     ways: dict[int, Counter[int]] = {0: Counter({0: 1})}  # size of the first group: its sum: how many divisions
     for value in both.tolist():
         for size in sorted(ways, reverse=True):
@@ -140,13 +152,39 @@ def permutation(ours: NDArray[np.int64], others: NDArray[np.int64]) -> float:
                 larger = ways.setdefault(size + 1, Counter())
                 for total, count in ways[size].items():
                     larger[total + value] += count
-    middle = int(both.sum()) * len(ours)  # of sums of the first group, times the number of all champions
-    observed = abs(int(ours.sum()) * len(both) - middle)
-    divisions = ways[len(ours)]
-    return (
-        sum(count for total, count in divisions.items() if abs(total * len(both) - middle) >= observed)
-        / divisions.total()
-    )
+    return _share_as_far(ways[len(ours)], least)
+
+
+def _exact(values: NDArray[Any]) -> NDArray[Any]:
+    """Whole numbers as such, whose sums have no rounding errors."""
+    return values.astype(np.int64) if (values == np.rint(values)).all() else values
+
+
+def _is_countable(values: NDArray[Any], choices: int) -> bool:
+    return np.issubdtype(values.dtype, np.integer) or choices <= _LISTED
+
+
+def _least(values: NDArray[Any], ours: int) -> float:
+    """How far from 0 a sum must be to be as far as that of the first ones, but for rounding."""
+    return abs(float(values[:ours].sum())) - 1e-12 * float(np.abs(values).sum())
+
+
+def _share_as_far(ways: Counter[Any], least: float) -> float:
+    return sum(count for total, count in ways.items() if abs(total) >= least) / ways.total()
+
+
+def _monte_carlo(draw: Callable[[np.random.Generator, int], NDArray[Any]], champions: int, least: float) -> float:
+    """The share of drawn sums that are as far from 0 as the observed one. draw: so many sums of champions."""
+    rng = random.rng(0, Stream.bootstrap)
+    as_far = sum(int((np.abs(draw(rng, n)) >= least).sum()) for n in _portions(champions))
+    return (as_far + 1) / (RESAMPLES + 1)
+
+
+def _portions(numbers: int) -> Iterator[int]:
+    """How many resamples to draw at a time, each with so many numbers, so that memory is bounded."""
+    most = max(1, _AT_ONCE // numbers)
+    for drawn in range(0, RESAMPLES, most):
+        yield min(most, RESAMPLES - drawn)
 
 
 def holm(p: Sequence[float]) -> NDArray[np.float64]:
@@ -171,7 +209,7 @@ def bootstrap(
     """Percentile bootstrap interval of a statistic of champions; those of each group are resampled apart.
 
     Champions without a value (nan) are left out. Where all have the same value, no resample has another: nothing is
-    then known of the width.
+    then known of the width. There are `RESAMPLES` resamples.
 
     Source: Efron & Tibshirani, *An Introduction to the Bootstrap* (1993), chapter 13. Bias-corrected (BCa) intervals
     are undefined where nearly all values agree, which is common here; percentiles are not.
@@ -188,10 +226,26 @@ def bootstrap(
     known = [values[~np.isnan(values)] for values in groups]
     if min(map(len, known)) < LEAST:
         return _UNKNOWN
-    rng = random.rng(seed, Stream.bootstrap)
-    drawn = [values[rng.integers(0, len(values), (RESAMPLES, len(values)))] for values in known]
-    low, high = np.percentile(statistic(*drawn), percentiles)
+    if all(np.ptp(values) == 0 for values in known):
+        return _UNKNOWN
+    found = []
+    for part, n in enumerate(_portions(math.prod(map(len, known)))):
+        if statistic is mean:  # a table may have a thousand of these, all with the same resamples
+            (values,) = known
+            found.append(_counts(len(values), n, seed, part) @ values / len(values))
+        else:
+            rng = random.rng(seed, Stream.bootstrap, part)
+            found.append(statistic(*(values[rng.integers(0, len(values), (n, len(values)))] for values in known)))
+    low, high = np.percentile(np.concatenate(found), percentiles)
     return (float(low), float(high)) if low < high else _UNKNOWN
+
+
+@functools.lru_cache(maxsize=8)
+def _counts(champions: int, resamples: int, seed: int, part: int) -> NDArray[np.float64]:
+    """How often each champion is in each resample, (resamples, champions)."""
+    drawn = random.rng(seed, Stream.bootstrap, part).integers(0, champions, (resamples, champions))
+    places = drawn + champions * np.arange(resamples)[:, None]
+    return np.bincount(places.ravel(), minlength=places.size).reshape(places.shape).astype(float)
 
 
 def mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -216,8 +270,8 @@ def interquartile_mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def improvement(ours: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.float64]:
     """The probability that a champion of ours exceeds one of the others; a tie counts one half. Source: as above."""
-    against = ours[..., :, None] - others[..., None, :]
-    return np.asarray((np.sign(against) / 2 + 0.5).mean(axis=(-2, -1)))
+    ours, others = ours[..., :, None], others[..., None, :]
+    return np.asarray(((ours > others).mean(axis=(-2, -1)) + (ours >= others).mean(axis=(-2, -1))) / 2)
 
 
 def performance_profile(values: NDArray[np.float64], thresholds: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 import epuckhebb
-from epuckhebb.analysis.statistics import bootstrap
+from epuckhebb.analysis.statistics import bootstrap, mean
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.wirings.elman import Elman
@@ -129,7 +129,7 @@ class AntiHebbian(epuckhebb.Study):
             hebb, anti = pairs.to_numpy().T
             spread = np.sqrt((hebb.var(ddof=1) + anti.var(ddof=1)) / 2) or np.nan
             difference = (anti - hebb) / spread
-            low, high = bootstrap(lambda drawn: drawn.mean(axis=-1), difference)
+            low, high = bootstrap(mean, difference)
             effects.append(
                 {
                     "world": world,
