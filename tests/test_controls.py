@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from cases import SHORT, done, first_of, refused
 from test_ode import needs_ode
+from test_reversal import REWARDED, drawn, switching
 from test_session import assert_bit_identical, run_in_pieces
 
 from epuckhebb.analysis.controls import derangement, of_other_champions
@@ -14,7 +15,7 @@ from epuckhebb.analysis.evaluate import individuals_for
 from epuckhebb.config import EvaluateConfig, load
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import PAPER_NETWORK, Network
-from epuckhebb.controller.plasticity.control import Control, Sign, Track, Yoking, tracking_of, yoking
+from epuckhebb.controller.plasticity.control import Control, Track, Yoking, tracking_of, yoking
 from epuckhebb.controller.plasticity.rules.oja import Oja
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.runs import prepare_evaluation
@@ -24,7 +25,6 @@ from epuckhebb.tmaze.individual import Controller, Individual
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.session import Session
-from epuckhebb.tmaze.tasks.reversal import Reversal
 
 YOKED = (Control.yoked_sign, Control.yoked_place)
 SAME = Yoking(np.arange(234), np.ones(234))
@@ -86,19 +86,16 @@ def test_a_yoked_lifetime_in_pieces_is_the_whole(genomes, pieces):
 
 
 def test_the_weights_of_one_that_lives_longer_than_its_master_rest():
-    network, lifetime = Network(rewarded=True, layers=(17, 2)), Lifetime(duration_s=200, gain_rad_s=4, record_every=1)
-    # The master learns to stand still, so that its trials time out; the yoked robot, by opposite signs, does not.
-    drawn = Yoking(np.arange(network.synapses), -np.ones(network.synapses))
-    genes = np.zeros((18, 2))
-    genes[16 + 1] = 0.5
-    settings = {"N": 0.02, "sign": Sign.anti}
-    alone, yoked = pair(genes.ravel(), Control.yoked_sign, drawn, **settings)
-    both = [replace(one, network=network, signs=-np.ones(network.synapses)) for one in (alone, yoked)]
-    (master, _), (own, samples) = run_lifetimes(both, Scenario(task=Reversal(trials=3)), lifetime, weight_path=True)
-    assert master.steps != own.steps
-    if own.steps > master.steps:
-        rest = samples.weights[master.steps : own.steps]
-        assert (rest == rest[0]).all()
+    lifetime = Lifetime(duration_s=60, gain_rad_s=4.0, record_every=1)
+    genes = drawn(2547)[: REWARDED.synapses]
+    draws = [yoking(control, REWARDED, draw, 5) for control in YOKED for draw in range(5)]
+    both = [replace(one, network=REWARDED) for each in draws for one in pair(genes, Control.yoked_sign, each, N=0.0005)]
+    (master, _), *others = run_lifetimes(both, switching(3, trials=3), lifetime)
+    longer = [samples.weights for own, samples in others if own.steps > master.steps]
+    assert longer
+    for weights in longer:
+        assert not (weights[master.steps - 2] == weights[master.steps - 1]).all()
+        assert (weights[master.steps - 1 :] == weights[-1]).all()
 
 
 def test_a_step_by_hand():
