@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
-from cases import call, done, first_of
+from cases import call, described_columns, done, first_of
 
 from epuckhebb.adaptation.nominal import measure_nominal
 from epuckhebb.analysis.rescue import FIGURE
@@ -80,6 +80,14 @@ def test_a_sweep_over_champions_and_worlds_tells_of_rescue_and_harm(here):
     assert "reference_1" in report
     assert "### Each world" in report
     assert (here / "out" / "figures" / FIGURE).read_bytes().startswith(b"\x89PNG")
+    of_ends, of_rescue = ("ends", "ends_by_champion", "discrimination"), ("over_all", "and_harm", "by_champion")
+    for name in (*of_ends, *(f"rescue_{which}" for which in of_rescue)):
+        assert list(pd.read_csv(here / "out" / f"{name}.csv")) == described_columns(f"{name}.csv"), name
+    at_end = pd.read_csv(here / "out" / "ends.csv").query("among == 'all'")
+    assert (at_end[["right", "wrong", "elsewhere"]].sum(axis=1) == at_end.trials).all()
+    assert set(at_end.trials) == {4}
+    assert "right less wrong" in result.stdout
+    assert "| right end | wrong end | elsewhere |" in report
     before = (here / "out" / "rescue_over_all.csv").read_bytes()
     assert "4 done before, 0 to do" in call(*words).stderr
     assert (here / "out" / "rescue_over_all.csv").read_bytes() == before

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from epuckhebb.analysis import ends, findings
+from epuckhebb.analysis import charts, ends, findings
 from epuckhebb.analysis.evaluate import COLUMNS
 from epuckhebb.analysis.lifetimes import numeric
 from epuckhebb.config import EvaluateConfig, load
@@ -221,3 +221,23 @@ def test_rescue_stands_beside_the_ends_of_the_broken():
     each = findings.trials(numeric(ROWS))
     for table in (findings.rescue_and_harm(each), findings.rescue_over_all(findings.rescue_by_champion(each))):
         assert table.iloc[-1][list(findings.COUNTS[:5])].tolist() == [4, 2, 1, 1, 3]
+
+
+def test_the_picture_has_a_bar_of_all_trials_for_each_controller():
+    figure = charts.ends(ends.tables(ROWS)["ends"])
+    bright, dim = figure.axes
+    assert bright.get_title() == "bright light (training)\nn = 6 trials"
+    assert [label.get_text() for label in bright.get_yticklabels()] == ["no plasticity", "paper's rule"]
+    widths = np.array([[bar.get_width() for bar in bars] for bars in dim.containers])  # (ends, controllers)
+    assert widths * 6 == pytest.approx(np.array([[2, 3], [3, 2], [1, 1]]))
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["right end", "wrong end", "elsewhere"]
+
+
+def test_the_picture_begins_a_row_for_each_experiment_and_names_what_differs():
+    other = ROWS.assign(experiment="obstacles", scenario="base")
+    rows = pd.concat([ROWS[ROWS.scenario == "lowlight"], other[ROWS.scenario == "lowlight"]], ignore_index=True)
+    rows = pd.concat([rows.assign(task=name) for name in "xy"], ignore_index=True)
+    light, obstacles = charts.ends(ends.tables(rows, ["task"])["ends"]).axes
+    assert obstacles.get_title().startswith("no obstacles (training)")
+    names = [label.get_text() for label in light.get_yticklabels()]
+    assert names == ["no plasticity, task x", "paper's rule, task x", "no plasticity, task y", "paper's rule, task y"]

@@ -130,6 +130,8 @@ def test_changes_are_marked_on_the_path(drawn):
         ((-0.36, 0.155), False, "left: at the goal"),
         ((-0.36, 0.155), True, "left: was at the goal, drove on"),
         ((0.0, 0.16), False, "left: did not arrive"),
+        ((-0.36, 0.155), False, "right: at the wrong goal"),
+        ((0.36, 0.155), False, "left: at the wrong goal"),
     ],
 )
 def test_legend_says_how_it_ended(drawn, end, drives_on, label):

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from epuckhebb.analysis import leaderboard, reproduction, rescue
+from epuckhebb.analysis import ends, leaderboard, reproduction, rescue
 from epuckhebb.flock import tables as flock
 from epuckhebb.runtime.resources import data_folder
 from epuckhebb.tmaze.scenario import EXPERIMENTS
@@ -39,8 +39,9 @@ def test_the_report_of_a_study_is_that_of_its_tables(folder, committed):
     champions, names, repeats = re.search(
         r"(\d+) champions of each experiment, (`.*?` to `.*?`)\..*half of its (\d+) ", path.read_text()
     ).groups()
-    own = tables(folder, "rescue_over_all", "rescue_and_harm")
-    committed(path, rescue.markdown(*own, int(champions), int(repeats), names))
+    *own, at_end = tables(folder, "rescue_over_all", "rescue_and_harm", "ends")
+    page = rescue.markdown(*own, int(champions), int(repeats), names)
+    committed(path, "\n".join([page, ends.markdown(at_end)]))
 
 
 @pytest.mark.parametrize("folder", [path.parent for path in BOARDS], ids=lambda folder: folder.name)
@@ -60,7 +61,7 @@ def test_the_report_of_a_leaderboard_is_that_of_its_tables(folder, committed):
 def test_the_report_of_the_reproduction_is_that_of_its_tables(committed):
     path = REFERENCE / "report.md"
     text = path.read_text()
-    names = ("claims", "success", "rescue_and_harm", "comparison")
+    names = ("claims", "success", "rescue_and_harm", "ends", "comparison")
     own = dict(zip(names, tables(REFERENCE, *names), strict=True))
     titles = yaml.safe_load((data_folder("conf") / "paper" / "tables.yaml").read_text())
     shown = {}

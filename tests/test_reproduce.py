@@ -46,6 +46,9 @@ def test_it_leaves_a_report_and_its_tables(made):
         "rescue_and_harm",
         "doses",
         "rescue_over_all",
+        "ends",
+        "ends_by_champion",
+        "discrimination",
         "comparison",
     }
     assert tables <= {file.stem for file in folder.glob("*.csv")}
@@ -63,10 +66,10 @@ def test_its_figures_are_on_its_page_and_can_be_drawn_again(copy):
     done(*ALL)
     named = set(re.findall(r"\(figures/([\w.]+)\)", (copy / "report.md").read_text()))
     assert named == {file.name for file in (copy / "figures").iterdir()}
-    assert len(named) == 9
+    assert len(named) == 10
     page = (copy / "report.html").read_text()
     assert "://" not in re.sub(r'src="data:[^"]+"', "", page)
-    assert page.count('src="data:image/png;base64,') == 9
+    assert page.count('src="data:image/png;base64,') == 10
     done("figure", copy, "dose_response_obstacles", "-f", "svg", "-o", "again.svg")
     assert b"<svg" in (copy.parents[2] / "again.svg").read_bytes()
 

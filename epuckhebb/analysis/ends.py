@@ -57,7 +57,8 @@ def trials(rows: pd.DataFrame, settings: Sequence[str] = ()) -> pd.DataFrame:
     stays = here.reindex(pd.MultiIndex.from_frame(each[[*trial, "scenario"]])).to_numpy()
     fates = [solved == False, stays == True, stays == False]  # noqa: E712  # where unknown, none is so
     each["fate"] = np.where(pd.isna(solved), "", np.select(fates, [UNSOLVED, INTACT, BROKEN], ""))
-    return each[[*dict.fromkeys([*conditions, *_CELL]), *findings.TRIAL, "end", "arrived", "fate"]]
+    more = [key for key in conditions if key not in _CELL]
+    return each[[*more, *_CELL, *findings.TRIAL, "end", "arrived", "fate"]]
 
 
 def by_champion(each: pd.DataFrame) -> pd.DataFrame:
