@@ -52,7 +52,7 @@ BRIEF = {
     "figure": [],
     "play": ["--no-browser", "--port", "0", "-q"],
 }
-BRIEF_TASK = ["task.trials=2", "task.last_switch=2", "task.time_out_s=1"]  # these say how long a lifetime is
+BRIEF_TASK = ["task.trials=6", "task.time_out_s=1"]  # of three switches, too
 BRIEF_GA = ["ga.population=4", "ga.elites=1", "ga.generations=1", "ga.loops=2"]
 
 
