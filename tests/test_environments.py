@@ -111,6 +111,36 @@ def test_lifetimes_are_bit_identical_in_processes_and_in_a_used_environment(monk
     assert one[0][0].rewards[21:].sum() != one[0][1].rewards[21:].sum()
 
 
+KEEPS = """
+from thermostat import Room
+
+
+class Keeps(Room):
+    carried = 0.0
+
+    def step(self, action):
+        seen, reward, *others = super().step(action)
+        self.carried += 0.1
+        return seen, reward + self.carried, *others
+"""
+
+
+@pytest.mark.thorough
+def test_lifetimes_do_not_depend_on_those_before_them(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("epuckhebb.runs.environments._WORTH_S", 0.0)
+    Path("thermostat.py").write_text(EXAMPLE.read_text())
+    Path("own.py").write_text(KEEPS)
+    config = load_any("evolve", ["environment=own.py:Keeps", *ROOM[1:]])
+    genes = np.random.default_rng(1).uniform(-1, 1, (5, config.plan.genes))
+    genes = np.hstack([np.zeros((5, config.network_made.synapses)), genes])
+    works = [Work(0, one, (3, 4)) for one in genes]
+    found = [run_lifetimes(config, list(own), count) for own, count in ((works, 1), (works, 2), (works[::-1], 1))]
+    returns = [[[lived.rewards.sum() for lived in lives] for lives in each] for each in found]
+    assert returns[0] == returns[1] == returns[2][::-1]
+    assert config.world.findings.needs_fresh
+
+
 @pytest.mark.usefixtures("runs")
 def test_show_figure_and_replay_know_an_environment():
     assert "weak_leg" in done("keys", "environment").stdout

@@ -11,7 +11,7 @@ import pytest
 from cases import call, described_columns, done, first_of, refused
 
 from epuckhebb.analysis import leaderboard as board
-from epuckhebb.analysis.statistics import bootstrap, mean, wilson_by_champion
+from epuckhebb.analysis.statistics import bootstrap, difference, mean, wilson_by_champion
 from epuckhebb.runs import earlier_champions
 from epuckhebb.runtime.conf import groups
 from epuckhebb.runtime.errors import ConfigError
@@ -367,3 +367,14 @@ def test_several_experiments_stand_in_one_table(conf):
     planned = leaderboard.plan("obstacles,light", words, config_dir=str(conf))
     assert [entry.row.experiment for entry in planned.study.entries] == ["light", "obstacles"]
     assert planned.folder == leaderboard.plan("light", words, config_dir=str(conf)).folder
+
+
+def test_a_difference_of_pairs_is_of_champions_with_the_same_seed():
+    own = pd.DataFrame({"seed": range(8), "successes": [2, 18, 6, 14, 10, 4, 16, 8], "trials": 20})
+    others = own.assign(successes=own.successes - [1, 1, 1, 1, 1, 1, 1, 2]).sample(frac=1, random_state=1)
+    each = np.array([0.05] * 7 + [0.1])
+    pairs, groups = (board._difference(own, others, paired=paired) for paired in (True, False))
+    assert list(pairs.values())[:3] == pytest.approx([each.mean(), *bootstrap(mean, each)])
+    assert pairs[list(pairs)[3]] == pytest.approx(2 / 2**8)
+    alone = bootstrap(difference, own.successes.to_numpy() / 20, others.successes.to_numpy() / 20)
+    assert list(groups.values())[:3] == pytest.approx([each.mean(), *alone])
