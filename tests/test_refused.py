@@ -170,7 +170,7 @@ evaluate genome=zeros.npz                               | zeros.npz | two arrays
 evaluate genome=lights.npz                              | 3 lights | 8 lights
 evaluate genome=pole.npz                                | pole | environment=cartpole
 evolve genome=pole.npz hebbian=abcd                     | environment=cartpole
-evaluate genome=strong.npz hebbian=abcd hebbian.initial_weights=evolved | strong: A | +-2 | 10
+evaluate genome=strong.npz hebbian=abcd                | strong: A | +-2 | 10
 evaluate genome=text.npz                                | text.npz
 evaluate genome=genes.csv                               | genes.csv | numpy.save
 show genes.csv                                          | genes.csv
