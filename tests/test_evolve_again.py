@@ -33,6 +33,7 @@ PLAN = GenomePlan((Part("weights", 20), Part("rate", 3, start=0.5, limit=0.75)))
 START = np.linspace(-0.7, 0.7, 23)
 TINY = ["ga.population=3", "ga.elites=1", "ga.generations=2", "ga.loops=1", "lifetime.duration_s=1", "threads=1"]
 TINY += ["figures=none", "-q"]
+BRIEF = ["scenario.paper_duration_s=10", "figures=none"]
 OTHER, ORIGIN, SHORT = Scenario(left_slip=0.4), Scenario(), Lifetime(duration_s=3, gain_rad_s=4)
 
 
@@ -224,7 +225,7 @@ def test_a_multirun_of_evolutions_ends_with_a_table():
 
 @pytest.mark.usefixtures("here")
 def test_an_evolution_counts_once_and_only_when_it_is_finished():
-    words = ["-m", "seed=1,1,2", "threads=1,2", *TINY[:5], "figures=none", "hydra.sweep.dir=many"]
+    words = ["-m", "seed=1,1,2", "threads=1,2", *TINY[:5], *BRIEF, "hydra.sweep.dir=many"]
     assert "4 of 6 evolutions are copies" in done("evolve", *words).stderr
     (table,) = pd.read_csv("many/summary.csv").to_dict("records")
     histories = [pd.read_csv(f"many/{number}/history.csv") for number in (0, 4)]
@@ -236,7 +237,7 @@ def test_an_evolution_counts_once_and_only_when_it_is_finished():
         epuckhebb.compare({"a": ["many/0", "many/4"]})
     Path("many/5/status.json").write_text("{}")
     told = done(
-        "evolve", "-m", "seed=7,7", *TINY[:-1], "hydra.sweep.dir=many", "hydra.sweep.subdir=more${hydra.job.num}"
+        "evolve", "-m", "seed=7,7", *TINY[:5], *BRIEF, "hydra.sweep.dir=many", "hydra.sweep.subdir=more${hydra.job.num}"
     )
     assert "Not counted: many/4" in told.stderr
     (table,) = pd.read_csv("many/summary.csv").to_dict("records")

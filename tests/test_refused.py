@@ -2,6 +2,8 @@
 
 import re
 import shlex
+import warnings
+import zipfile
 
 import numpy as np
 import pytest
@@ -168,6 +170,13 @@ sweep n_sweep seed=range(1,1000) repeats=range(1,1000)  | 100000 jobs
 evaluate genome=nowhere.npz                             | nowhere.npz | reference
 evaluate genome=short.npy                               | 234 | 227
 evaluate genome=nan.npy                                 | finite
+evaluate genome=long.npy                                | finite | 234
+evaluate genome=far.npy                                 | far.npy | +-2 | 244
+evaluate genome=zeros.npz                               | zeros.npz | two arrays | genome
+evaluate genome=lights.npz                              | 3 lights | 8 lights
+evaluate genome=pole.npz                                | pole | environment=cartpole
+evolve genome=pole.npz hebbian=abcd                     | environment=cartpole
+evaluate genome=strong.npz hebbian=abcd                | strong: A | +-2 | 10
 evaluate genome=text.npz                                | text.npz
 evaluate genome=genes.csv                               | genes.csv | numpy.save
 show genes.csv                                          | genes.csv
@@ -248,6 +257,17 @@ def place(tmp_path_factory):
     np.save(folder / "nan.npy", np.where(np.arange(234) == 5, np.nan, 0.0))
     np.savez(folder / "layers.npz", genome=np.zeros(234), layers=[16, 8, 2])
     np.savez(folder / "lidar.npz", genome=np.zeros(280), layers=[32, 8, 2], robot="epuck_lidar", lights=8)
+    np.save(folder / "far.npy", np.full(234, 244.0))
+    np.save(folder / "long.npy", np.full(234, np.longdouble("1e400")))
+    np.savez(folder / "lights.npz", genome=np.zeros(234), layers=[16, 7, 5, 8, 4, 2], robot="epuck", lights=3)
+    np.savez(folder / "pole.npz", genome=np.zeros(234), layers=[16, 7, 5, 8, 4, 2], environment="cartpole")
+    sizes = {"parts": ["weights", "A", "B", "C", "D", "eta"], "part_sizes": [234] * 6}
+    strong = np.concatenate([np.zeros(234), np.full(234, -10.0), np.zeros(4 * 234)])
+    np.savez(folder / "strong.npz", genome=strong, layers=[16, 7, 5, 8, 4, 2], rule="abcd", **sizes)
+    with zipfile.ZipFile(folder / "zeros.npz", "w") as two, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for _ in range(2):
+            two.write(folder / "zeros.npy", "genome.npy")
     np.savez(folder / "broken.npz", genome=np.zeros(234), memory_away_s=np.zeros(3))
     (folder / "light.npz").write_bytes(champion_file(load_genome("reference", "light"), 1.0, 1, 99))
     return folder

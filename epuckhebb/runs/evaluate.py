@@ -9,6 +9,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from epuckhebb.adaptation.nominal import Nominal, measure_nominal
 from epuckhebb.analysis import tables
 from epuckhebb.analysis.evaluate import Rows, Traces, evaluate
@@ -27,6 +29,7 @@ from epuckhebb.config import (
     value_of,
 )
 from epuckhebb.controller.compiling.sources import own_code
+from epuckhebb.controller.genome import GenomePlan, plan_of
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import name_of
 from epuckhebb.controller.plasticity.control import MOST_KEPT, Control
@@ -160,7 +163,9 @@ class PreparedEvaluation:
 
 
 def check_genome(genome: Genome, world: Scenario, shape: tuple[int, ...] | Wiring | None) -> None:
-    """Refuse a champion of another task, wiring or robot, or of a robot with other sensors of the user's own."""
+    """Refuse a champion of an environment, another task, wiring or robot, or of a robot with other sensors."""
+    if genome.environment:
+        raise ConfigError(f"genome={genome.name} was evolved in environment={genome.environment}, and this is the maze")
     task, robot, sensors = world.task, world.robot, reading_names(world.robot.sensors)
     if genome.network.rewarded != task.gives_reward:
         evolved = f"was evolved with task={genome.task or ONE_TRIAL.name}"
@@ -169,14 +174,20 @@ def check_genome(genome: Genome, world: Scenario, shape: tuple[int, ...] | Wirin
     asked = shape.name if isinstance(shape, Wiring) else LAYERS
     if genome.wiring != asked:
         raise ConfigError(f"genome={genome.name} is for network.wiring={genome.wiring}, got network.wiring={asked}")
-    if genome.robot not in ("", robot.name) or genome.network.inputs != world.inputs or has_others:
-        evolved = f"robot={genome.robot or 'any'}, own sensors {genome.sensors or 'none'} and layers {genome.network}"
-        given = f"robot={robot.name}, own sensors {sensors or 'none'} and {robot.inputs} readings"
+    lights = robot.light.count
+    is_of_another = genome.robot not in ("", robot.name) or (genome.robot and genome.lights != lights)
+    if is_of_another or genome.network.inputs != world.inputs or has_others:
+        own = genome.sensors or "none"
+        evolved = (
+            f"robot={genome.robot or 'any'}, {genome.lights} lights, own sensors {own} and layers {genome.network}"
+        )
+        given = f"robot={robot.name}, {lights} lights, own sensors {sensors or 'none'} and {robot.inputs} readings"
         raise ConfigError(f"genome={genome.name} is for {evolved}, got {given}")
 
 
 def check_rules(genome: Genome, network: Network, rules: Iterable[tuple[str, Rule]]) -> None:
     """Refuse rules, each with the name of its controller, that do not fit the genome."""
+    _check_limits(genome, plan_of(network))
     sizes = {part.name: part.size for part in genome.plan.parts}
     initial_weights = InitialWeights.evolved if genome.weights.any() else InitialWeights.random
     for name, rule in rules:
@@ -189,6 +200,15 @@ def check_rules(genome: Genome, network: Network, rules: Iterable[tuple[str, Rul
             evolved = f"rule {genome.rule or 'none'} with hebbian.initial_weights={initial_weights.name}"
             has = f"genome={genome.name} has {genome.plan.text()}, of {evolved}"
             raise ConfigError(f"{name} has rule {name_of(kind)}, and {has}")
+        _check_limits(genome, plan_of(network, kind))
+
+
+def _check_limits(genome: Genome, plan: GenomePlan) -> None:
+    """Refuse genes beyond the limits within which rules and wirings evolve them."""
+    genes = genome.plan.split(genome.genes)
+    for part in plan.parts:
+        if part.limit is not None and part.name in genes and (most := np.abs(genes[part.name]).max()) > part.limit:
+            raise ConfigError(f"genome={genome.name}: {part.name} must lie within +-{part.limit:g}, got {most:g}")
 
 
 def check_controls(genome: Genome, config: EvaluateConfig) -> None:

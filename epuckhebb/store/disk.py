@@ -77,7 +77,11 @@ def arrays_of(content: bytes) -> dict[str, NDArray[Any]]:
     if not content.startswith(_NUMPY):
         raise ValueError("it is no file of NumPy; save the numbers with numpy.save")
     loaded = np.load(io.BytesIO(content), allow_pickle=False)
-    return {"genome": loaded} if isinstance(loaded, np.ndarray) else dict(loaded)
+    if isinstance(loaded, np.ndarray):
+        return {"genome": loaded}
+    if twice := sorted({name for name in loaded.files if loaded.files.count(name) > 1}):
+        raise ValueError(f"it holds two arrays of the name {twice[0]}")
+    return dict(loaded)
 
 
 def one_error(what: str) -> AbstractContextManager[None]:

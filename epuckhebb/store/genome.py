@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from epuckhebb.adaptation.nominal import Nominal
 from epuckhebb.controller import random
 from epuckhebb.controller.genome import WEIGHTS, GenomePlan, Part, plan_of
-from epuckhebb.controller.network import PAPER_NETWORK, Network
+from epuckhebb.controller.network import PAPER_NETWORK, WEIGHT_LIMIT, Network
 from epuckhebb.controller.wiring import LAYERS, Wiring, recorded_wiring
 from epuckhebb.runtime import LATEST, REFERENCE, ConfigError, data_folder, path_of
 from epuckhebb.store.disk import CHAMPION, arrays_of, as_npz, one_error
@@ -147,9 +147,11 @@ def checked_genes(genes: NDArray[np.generic], where: str, plan: GenomePlan) -> N
     if genes.dtype.kind not in "fiu" or genes.shape != (plan.genes,):
         needed = f"{plan.genes} numbers in one dimension ({plan.text()})"
         raise ConfigError(f"genome={where} must hold {needed}, got {genes.dtype} of shape {genes.shape}")
-    if not np.isfinite(genes).all():
-        raise ConfigError(f"genome={where} must hold finite numbers, {(~np.isfinite(genes)).sum()} are not")
-    return genes.astype(np.float64)
+    with np.errstate(over="ignore"):
+        finite = np.isfinite(checked := genes.astype(np.float64))
+    if not finite.all():
+        raise ConfigError(f"genome={where} must hold finite numbers, {(~finite).sum()} are not")
+    return checked
 
 
 def champion_file(genome: Genome, fitness: float, seed: int, generation: int) -> bytes:
@@ -215,8 +217,12 @@ def _read_genome(path: Path, name: str, shape: tuple[int, ...] | Wiring | None) 
             plan = GenomePlan(tuple(map(Part, arrays["parts"].tolist(), arrays["part_sizes"].tolist())))
         statistics: dict[str, Any] = {field.name: arrays.get(_NOMINAL + field.name) for field in fields(Nominal)}
         known = {name: value if value.ndim else value.item() for name, value in statistics.items() if value is not None}
+        genes = checked_genes(arrays.get("genome", next(iter(arrays.values()))), str(path), plan)
+        largest = np.abs(plan.split(genes)[WEIGHTS]).max()
+        if "optimizer" not in arrays and largest > WEIGHT_LIMIT:  # those that evolved here were clipped meanwhile, too
+            raise ConfigError(f"genome={path} must hold weights within +-{WEIGHT_LIMIT:g}, the largest is {largest:g}")
         return Genome(
-            genes=checked_genes(arrays.get("genome", next(iter(arrays.values()))), str(path), plan),
+            genes=genes,
             name=name,
             network=network,
             lights=int(arrays.get("lights", EPUCK.light.count)),

@@ -19,7 +19,7 @@ from epuckhebb.controller import random
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.genome import GenomePlan
 from epuckhebb.controller.random import Stream
-from epuckhebb.controller.ranges import Range, check, check_value, within
+from epuckhebb.controller.ranges import check, within
 from epuckhebb.evolution.optimizer import Algorithm, Schedule, initial, limits
 from epuckhebb.evolution.training import Training
 from epuckhebb.tmaze.life import Lifetime
@@ -77,7 +77,8 @@ class GA(Algorithm):
 
     def __post_init__(self) -> None:
         check(self, self.key)
-        check_value("ga.elites", self.elites, Range(0, self.population))
+        if not 0 <= self.elites <= self.population:
+            raise ValueError(f"ga.elites must lie in [0, ga.population], got {self.elites} of {self.population}")
         newcomers = self.memory + round(self.immigrants * self.population)
         if self.elites + newcomers > self.population:
             raise ValueError(f"ga.immigrants and ga.memory leave no room for {self.elites} elites: {newcomers}")
