@@ -167,6 +167,26 @@ def test_ends_by_hand():
     assert set(table[table.scenario == "highlight"].among) == {"all", "intact", "unsolved"}
 
 
+def test_another_champion_stands_in_for_each():
+    """The rule of b runs in the trials of a, that of c in those of b, that of a in those of c."""
+    table = ends.tables(ROWS)["ends"]
+    assert counts(of(table, "lowlight", ends.OTHER, among="broken")) == [4, 2, 2, 0, 2]
+    assert counts(of(table, "lowlight", ends.OTHER, among="intact")) == [1, 1, 0, 0, 1]
+    assert not ((table.controller == ends.OTHER) & (table.among == "all")).any()
+
+
+def test_draws_of_a_control_are_one():
+    drawn = {("a", 0): ("r", "w"), ("b", 0): ("r", "r"), ("a", 1): ("e", "w"), ("b", 1): ("w", "r")}
+    alone = {(genome, "highlight", GA): ("r", "r") for genome in "ab"}
+    rows = lifetimes(alone | {(one, "highlight", f"shuffled_{k}"): letters for (one, k), letters in drawn.items()})
+    row = of(ends.tables(rows)["ends"], "highlight", "shuffled", among="all")
+    assert counts(row) == [4, 2, 1.5, 0.5, 2]
+    assert (row["draws"], row["champions"], row["right_less_wrong"]) == (2, 2, ((0 - 1) / 2 + (2 + 0) / 2) / 2)
+    assert set(ends.tables(rows)["ends_by_champion"].controller) == {GA, "shuffled_0", "shuffled_1"}
+    one = rows[rows.controller != "shuffled_1"]
+    assert "shuffled_0" in set(ends.tables(one)["ends"].controller)
+
+
 def test_discrimination_by_hand():
     row = of(ends.tables(ROWS)["discrimination"], "lowlight", HEBBIAN)
     assert [row[f"right_{name}"] for name in ("left", "right", "both", "expected")] == [2, 1, 1, 2 * 1 / 3]

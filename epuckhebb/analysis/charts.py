@@ -148,7 +148,8 @@ def rescue_and_harm(over_all: pd.DataFrame) -> Figure:
 
 _WORLDS = {"highlight": "bright light", "lowlight": "dimmed light", "base": "no obstacles"}
 _WORLDS |= {"2obstacles": "two obstacles", "4obstacles": "four obstacles"}
-_CONTROLLERS = {GA: "no plasticity", HEBBIAN: "paper's rule"}
+_CONTROLLERS = {GA: "no plasticity", HEBBIAN: "paper's rule", "anti": "opposite sign", "shuffled": "shuffled signs"}
+_CONTROLLERS |= {"yoked_sign": "yoked, signs", "yoked_place": "yoked, places", "light_code": "rule, authors' F"}
 _LEAST_SHARE = 0.11  # of a bar that has room for its number
 
 
@@ -192,7 +193,9 @@ def _draw_ends(axes: Axes, own: pd.DataFrame) -> None:
         axes.barh(range(len(own)), shares, left=start, height=0.8, color=colour, edgecolor="white", label=_ENDS[end])
         for place, count in enumerate(own[end]):
             if shares[place] >= _LEAST_SHARE:
-                axes.text(start[place] + shares[place] / 2, place, count, color=letters, ha="center", va="center")
+                axes.text(
+                    start[place] + shares[place] / 2, place, f"{count:.0f}", color=letters, ha="center", va="center"
+                )
         start += shares
     axes.set(xlim=(0, 1), xticks=(0, 0.5, 1), xticklabels=("0", "½", "1"))
     axes.invert_yaxis()
@@ -208,6 +211,7 @@ def _bar_names(own: pd.DataFrame) -> "pd.Series[str]":
             [_CONTROLLERS.get(row["controller"], row["controller"])]
             + ([f"N = {row['N']:g}"] if rates[row["controller"]] > 1 else [])
             + [f"{name} {row[name]}" for name in differ if row[name] != ANY]
+            + [f"{row['draws']} draws"] * (row["draws"] > 1)
         )
         for row in own.to_dict("records")
     ]

@@ -15,15 +15,17 @@ import numpy as np
 import pandas as pd
 
 from epuckhebb.analysis import findings
+from epuckhebb.analysis.controls import of_other_champions
 from epuckhebb.analysis.lifetimes import is_of_plasticity, numeric
 from epuckhebb.analysis.rescue import label
 from epuckhebb.analysis.statistics import bootstrap, mean, sign_flip
 from epuckhebb.analysis.tables import Table, plain, with_interval
-from epuckhebb.tmaze.individual import GA
+from epuckhebb.tmaze.individual import GA, HEBBIAN
 from epuckhebb.tmaze.maze import SIDES
 from epuckhebb.tmaze.outcome import End
 from epuckhebb.tmaze.scenario import TRAINED
 
+OTHER = "another champion"
 ALL, BROKEN, INTACT, UNSOLVED = "all", "broken", "intact", "unsolved"
 MEANING = (
     "A trial ends *right* within 5 cm of its goal at the last step, *wrong* within 5 cm of the goal of the other side, "
@@ -34,6 +36,7 @@ MEANING = (
 _CELL = ("experiment", "scenario", "controller", "N")
 _OF_SCENARIO = ("light", "obstacles")  # with `scenario.*`, keys of the world that a scenario names
 _PERCENTILES = {"": (2.5, 97.5), "_90": (5.0, 95.0)}
+_DRAW = r"_\d$"  # how the names of controls end that differ in their draw of random signs or places alone
 _COUNTED = [End.right.value, End.wrong.value, End.elsewhere.value, "arrived"]
 
 
@@ -77,31 +80,50 @@ def _counted(each: pd.DataFrame) -> pd.DataFrame:
     return each.assign(**{end.value: each.end == end for end in End})
 
 
+def _in_draws(each: pd.DataFrame) -> pd.DataFrame:
+    """The same trials; controls `NAME_0`, `NAME_1` and so on are draws of one, `NAME`."""
+    control = each.controller.str.replace(_DRAW, "", regex=True)
+    has_several = each.groupby(control).controller.transform("nunique") > 1
+    return each.assign(draw=each.controller, controller=each.controller.where(~has_several, control))
+
+
 def ends(each: pd.DataFrame) -> pd.DataFrame:
     """One row for each condition and `among`: how many trials end right, wrong and elsewhere, and how many arrived.
 
     A trial that ends right has arrived and stayed. `among`: `all` trials, or those of a fate. `right_less_wrong`: right
     less wrong ends of a champion, as a mean over the `champions` that have such trials: 0 if the end is chance, -2 to 2
-    for two sides. It has 95 % and 90 % bootstrap intervals; `sign_flip_p` is its exact two-sided p value.
+    for two sides. It has 95 % and 90 % bootstrap intervals; `sign_flip_p` is its exact two-sided p value. Controls that
+    are named `NAME_0`, `NAME_1` and so on are `draws` of one, `NAME`: all its numbers are means over them. Among trials
+    of a fate there is one control more, `OTHER`: the paper's rule with the genome of another champion.
 
     each: of `trials`.
     """
-    return pd.DataFrame(list(_ends(_counted(each))))
+    return pd.DataFrame(list(_ends(_in_draws(_counted(pd.concat([each, _of_others(each)], ignore_index=True))))))
+
+
+def _of_others(each: pd.DataFrame) -> pd.DataFrame:
+    """The trials of the paper's rule, each in the place of another champion, and with the fate of that one's trial."""
+    own = each[(each.controller == HEBBIAN) & (each.groupby("experiment").genome.transform("nunique") > 1)]
+    trial = [*own.columns[: own.columns.get_loc("end")]]
+    others = of_other_champions(own.drop(columns="fate")).merge(own[[*trial, "fate"]], on=trial)
+    return others.assign(controller=OTHER)
 
 
 def _ends(each: pd.DataFrame) -> Iterator[dict[str, Any]]:
     by = [*each.columns[: each.columns.get_loc("genome")]]
     for condition, here in each.groupby(by, sort=False):
+        draws = here.draw.nunique()
         for among in (ALL, BROKEN, INTACT, UNSOLVED):
             own = here if among == ALL else here[here.fate == among]
-            if own.empty:
+            if own.empty or (among == ALL and OTHER in condition):  # over all trials it is the rule itself
                 continue
             of_champion = own.groupby("genome", sort=False)[_COUNTED].sum()
             less = of_champion[End.right] - of_champion[End.wrong]
-            row = dict(zip(by, condition, strict=True)) | {"among": among, "trials": len(own)}
-            row |= of_champion.sum().to_dict() | {"champions": len(less), "right_less_wrong": less.mean()}
+            row = dict(zip(by, condition, strict=True)) | {"among": among, "draws": draws, "trials": len(own) // draws}
+            row |= (of_champion.sum() / draws).to_dict()
+            row |= {"champions": len(less), "right_less_wrong": less.mean() / draws}
             for name, percentiles in _PERCENTILES.items():
-                low, high = bootstrap(mean, less.to_numpy(float), percentiles=percentiles)
+                low, high = bootstrap(mean, less.to_numpy() / draws, percentiles=percentiles)
                 row |= {f"right_less_wrong{name}_low": low, f"right_less_wrong{name}_high": high}
             yield row | {"sign_flip_p": sign_flip(less.to_numpy(np.int64))}
 
@@ -162,8 +184,8 @@ def _of_experiment(experiment: str, own: pd.DataFrame) -> Table:
         [
             *(plain(str(value)) for value in place),
             plain(row.scenario),
-            plain(label(row.controller, row.N)),
-            *(str(getattr(row, name)) for name in ("trials", *_COUNTED)),
+            plain(label(row.controller, row.N)) + (f", {row.draws} draws" if row.draws > 1 else ""),
+            *(f"{getattr(row, name):g}" for name in ("trials", *_COUNTED)),
             with_interval(row, "right_less_wrong", "+.2f"),
         ]
         for place, row in zip(own[shown].itertuples(index=False), own.itertuples(), strict=True)
