@@ -25,6 +25,7 @@ _SUCCESS = ("n", "success", "success_noise_low", "success_noise_high")
 _REWARDED = "rewarded_share"  # the last mean, where a lifetime is many trials
 _MOST = 60  # rows of a table of success beside one of rescue and harm
 _MEANS = ("success", "weight_change_mean", "saturated_fraction", _REWARDED)  # over champions
+_SIZES = ("weight_change_final", "weight_path")
 
 
 def summary(rows: pd.DataFrame, settings: list[str]) -> pd.DataFrame:
@@ -51,10 +52,17 @@ def has_champions(rows: pd.DataFrame) -> bool:
 
 
 def over_champions(rows: pd.DataFrame, settings: list[str]) -> pd.DataFrame:
-    """One row for each condition, controller and side: means over champions, with 95 % bootstrap intervals."""
+    """One row for each condition, controller and side: means over champions, with 95 % bootstrap intervals.
+
+    How far the weights are from the genes at the end, and how far they moved in all, have no interval: they show
+    whether a control is of the size of its rule.
+    """
     by = list(dict.fromkeys([*(key for key in settings if key != "genome"), "scenario", "controller", "N", "side"]))
     return pd.DataFrame(
-        dict(zip(by, condition, strict=True)) | _means(own) for condition, own in numeric(rows).groupby(by, sort=False)
+        dict(zip(by, condition, strict=True))
+        | _means(own)
+        | own.groupby("genome", sort=False)[[*_SIZES]].mean().mean().to_dict()
+        for condition, own in numeric(rows).groupby(by, sort=False)
     )
 
 
