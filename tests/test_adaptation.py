@@ -2,6 +2,7 @@
 
 import math
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,8 +15,10 @@ from epuckhebb.adaptation.change_signal import SignalContext, no_nominal, signal
 from epuckhebb.adaptation.change_signals.late import Late
 from epuckhebb.adaptation.change_signals.novelty import Novelty
 from epuckhebb.adaptation.change_signals.shortfall import Shortfall
+from epuckhebb.adaptation.exploration import following
 from epuckhebb.adaptation.gate import need, resting
 from epuckhebb.adaptation.nominal import REPEATS, measure_nominal
+from epuckhebb.adaptation.wall_following import _sensors, wall_following
 from epuckhebb.controller.plasticity.control import Sign, signs
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze.batch import run_lifetimes
@@ -281,3 +284,35 @@ def test_each_side_has_its_own_statistics(champion):
         own = nominal.of(side)
         assert own.away_s == nominal.away_s[k]
         np.testing.assert_array_equal(own.fitness, nominal.fitness[k])
+
+
+def test_wall_following_takes_the_nearer_wall_and_keeps_it():
+    follow, readings = wall_following(EPUCK), np.zeros(16)
+    front, ahead_left, side_left, ahead_right, side_right = (places[0] for places in _sensors(EPUCK))
+    readings[[side_left, side_right, ahead_right]] = 0.5, 0.2, 0.4  # together the right is nearer
+    hand = np.zeros(1)
+    assert follow(readings, hand) == pytest.approx((5.0, 4.75))  # walls on both sides: turn by (0.5 - 0.4) / 2
+    assert hand[0] == -1.0
+    readings[[side_left, side_right, ahead_right]] = 0.9, 0.2, 0.0
+    assert follow(readings, hand) == pytest.approx((5.0, 4.0))  # still the right: turn by 2 (0.3 - 0.2) to it
+    assert hand[0] == -1.0
+    hand[0], readings[[side_left, ahead_left]] = 0.0, (0.2, 0.0)
+    follow(readings, hand)
+    assert hand[0] == 1.0  # as near as the other
+    readings[front] = 0.4
+    assert follow(readings, hand) == pytest.approx((5.0, -5.0))  # on the spot, away from the left
+
+
+def test_a_robot_that_explores_no_longer_forgets_its_wall():
+    life = SimpleNamespace(
+        tally=[SimpleNamespace(exploring=True, noise_left=0.5, noise_right=0.5)],
+        activation=np.zeros(16),
+        adaptation=SimpleNamespace(hand=np.ones(1)),
+    )
+    setup = SimpleNamespace(gain=2.0, adaptation=SimpleNamespace(motor_noise=0.0))
+    explore = following(lambda *_: (4.0, -3.0), 6.28)
+    assert explore(life, setup, 0.1, 0.2) == (2.0, -1.5)  # rad/s over the wheel gain
+    assert life.adaptation.hand[0] == 1.0
+    life.tally[0].exploring = False
+    assert explore(life, setup, 0.1, 0.2) == (0.1, 0.2)
+    assert life.adaptation.hand[0] == 0.0

@@ -294,6 +294,19 @@ def test_a_trial_succeeds_if_most_of_its_repeats_do():
     }
 
 
+def test_a_trial_in_which_half_of_the_repeats_succeed_fails():
+    half = {
+        ("a", "base", GA, 0.0): (10, 5),
+        ("a", "base", HEBBIAN, N): (10, 10),
+        ("a", "4obstacles", GA, 0.0): (5, 10),
+        ("a", "4obstacles", HEBBIAN, N): (6, 5),
+    }
+    each = findings.trials(lifetimes(half, 10))
+    assert list(each.succeeds) == [True, False, True, True, False, True, True, False]
+    found = findings.rescue_and_harm(each).set_index("scenario").loc["4obstacles"]
+    assert found[["solved", "broken", "rescued", "intact", "harmed"]].tolist() == [1, 1, 1, 0, 0]
+
+
 def test_rescue_and_harm_by_hand():
     found = findings.rescue_and_harm(EACH).set_index("scenario")
     counts = found[["solved", "broken", "rescued", "intact", "harmed"]]

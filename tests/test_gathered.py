@@ -7,14 +7,17 @@ from cases import done
 
 import epuckhebb
 from epuckhebb.analysis import summary
-from epuckhebb.analysis.evaluate import COLUMNS
+from epuckhebb.analysis.evaluate import COLUMNS, _metrics
 from epuckhebb.analysis.lifetimes import Evaluated, gather
+from epuckhebb.analysis.statistics import bootstrap, mean
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvaluateConfig, typed
 from epuckhebb.controller.plasticity.rule import Rule
 from epuckhebb.runs import evaluate
 from epuckhebb.store.genome import load_genome
 from epuckhebb.tmaze.individual import Controller
+from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.outcome import Outcome
 
 UNREADABLE = object()
 SHORT = ["lifetime.duration_s=0.064", "repeats=1", "lifetime.record_every=0"]
@@ -173,3 +176,22 @@ def test_values_of_a_sweep_that_are_repeated_count_once():
     table = epuckhebb.sweep(over={"genome": arrays, "hebbian.N": [0.001, 1e-3]}, **BRIEF)
     assert len(table) == 2 * 2 * 2
     assert table.genome.nunique() == 2
+
+
+def test_intervals_of_one_champion_are_over_its_lifetimes():
+    """Wilson's, with z = 1.96, of 3 successes of 10; a bootstrap of the others."""
+    rows = pd.DataFrame({"genome": "a", "success": [1.0] * 3 + [0.0] * 7, "weight_change_mean": np.arange(10.0)})
+    found = summary._means(rows.assign(saturated_fraction=0.0), several=False)
+    z, n, p = 1.959964, 10, 0.3
+    middle, half = p + z**2 / (2 * n), z * np.sqrt(p * (1 - p) / n + z**2 / (4 * n**2))
+    ends = ((middle - half) / (1 + z**2 / n), (middle + half) / (1 + z**2 / n))
+    assert (found["success_low"], found["success_high"]) == pytest.approx(ends, abs=1e-6)
+    assert (found["champions"], found["lifetimes"], found["weight_change_mean"]) == (1, 10, 4.5)
+    assert (found["weight_change_mean_low"], found["weight_change_mean_high"]) == bootstrap(mean, np.arange(10.0))
+
+
+def test_the_average_speed_of_a_lifetime_that_ends_early_is_over_its_own_time():
+    outcome = Outcome(*(0.0,) * len(Outcome._fields))._replace(path_length=2.0, steps=1000)
+    lifetime = Lifetime(duration_s=64.0)
+    assert _metrics(outcome, lifetime)["average_speed_m_s"] == 2.0 / 32.0
+    assert _metrics(outcome._replace(steps=2000), lifetime)["average_speed_m_s"] == 2.0 / 64.0

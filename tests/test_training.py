@@ -84,6 +84,12 @@ def test_worlds_of_training_are_never_those_of_tests(varied):
     assert all(max(world.left_wheel, world.right_wheel) == 1 for world in away)
 
 
+def test_every_training_layout_is_drawn_the_first_and_the_last_too():
+    kind = replace(training("varied"), obstacles_share=1.0, layouts=[10, 12])
+    drawn = {kind.worlds(Scenario(), FAST, 2, 1, generation)[-1].scenario.layout for generation in range(60)}
+    assert drawn == {10, 11, 12}
+
+
 def test_worlds_depend_on_seed_generation_and_loop_alone(varied):
     kind = training("varied")
     assert kind.worlds(Scenario(), FAST, 3, 1, 5)[:2] == varied[5]
