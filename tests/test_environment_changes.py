@@ -11,6 +11,7 @@ from gymnasium.envs import mujoco as robots
 
 from epuckhebb.worlds.changes import Faults, apply
 
+mujoco.set_mju_user_warning(lambda _: None)  # else MuJoCo writes a file into the working folder
 ASSETS = Path(robots.__file__).parent / "assets"
 
 
