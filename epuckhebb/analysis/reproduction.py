@@ -190,8 +190,9 @@ def figures_of(
             caption = f"{one}: success, weight change and saturated weights against N (n = {len(histories[one])})."
             add(f"dose_response_{one}", charts.dose_response(own), caption)
     if histories:
-        caption = "Rescued against harmed trials of all changed worlds at the paper's rates, with 95 % intervals."
-        add("rescue_and_harm", charts.rescue_and_harm(_at_paper_rates(tables["rescue_over_all"])), caption)
+        caption = "Rescued and harmed trials of each changed world at the paper's rates, with 95 % intervals."
+        rows = (_at_paper_rates(tables[name]) for name in ("rescue_over_all", "rescue_and_harm"))
+        add("rescue_and_harm", charts.rescue_and_harm(*rows), caption)
         caption = "Learning curves: best and mean fitness, median and quartiles of the evolutions."
         add("learning_curves", charts.learning_curves(dict(sorted(histories.items(), reverse=True))), caption)
     return made
