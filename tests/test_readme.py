@@ -12,8 +12,7 @@ import yaml
 from cases import done, first_of
 
 import epuckhebb
-from epuckhebb.analysis import reproduction
-from epuckhebb.analysis.claims import claim
+from epuckhebb.analysis import claims, reproduction
 from epuckhebb.tmaze.scenario import TRAINED
 
 ROOT = Path(__file__).parents[1]
@@ -110,8 +109,8 @@ def of_many_champions():
         return [outcome.groupby("genome", sort=False).sum().to_numpy() for outcome in outcomes]
 
     rescued = by_champion(broken & here.Hebbian, broken, broken & here.shuffled)
-    yield {"experiment": OBSTACLES} | claim("4 obstacles defeat the GA", "", *by_champion(broken, solved))
-    yield {"experiment": OBSTACLES} | claim("N = 1.5e-05 rescues it at 4", "", *rescued)
+    yield {"experiment": OBSTACLES} | claims.claim("4 obstacles defeat the GA", "", *by_champion(broken, solved))
+    yield {"experiment": OBSTACLES} | claims.claim("N = 1.5e-05 rescues it at 4", "", *rescued)
 
 
 def share(table, part, whole, which):
@@ -123,12 +122,16 @@ def share(table, part, whole, which):
 
 
 def test_the_findings_are_those_of_the_reference_results(generated):
-    claims = pd.concat([pd.read_csv(REFERENCE / "claims.csv"), pd.DataFrame(of_many_champions())])
-    claims = claims.drop_duplicates(["experiment", "claim"], keep="last").set_index(["experiment", "claim"])
-    claims = claims.loc[list(VERDICTS)].reset_index().assign(claim=list(VERDICTS.values()))
-    table = reproduction.claims_table(claims).only(1, 2, 4, 5, 3).markdown()
+    rows = pd.concat([pd.read_csv(REFERENCE / "claims.csv"), pd.DataFrame(of_many_champions())])
+    rows = rows.drop_duplicates(["experiment", "claim"], keep="last").set_index(["experiment", "claim"])
+    rows = rows.loc[list(VERDICTS)].reset_index().assign(claim=list(VERDICTS.values()))
+    table = reproduction.claims_table(rows).only(1, 2, 4, 5, 3).markdown()
     sentences = [f"- {text.format(*(share(*count) for count in counts))}\n" for text, counts in FINDINGS]
     generated(README, "findings", "".join([table, "\n", *sentences]))
+
+
+def test_the_page_of_methods_has_the_rule_of_verdicts(generated):
+    generated(ROOT / "docs" / "methods.md", "verdicts", f"{claims.RULE}\n")
 
 
 def test_results_are_those_of_the_reference_run(generated):

@@ -35,7 +35,7 @@ CLAIMS = f"Each claim is a question to every trial that could show it. {RULE}\n"
 RESCUE_TEXT = (
     f"{rescue.COUNTED} The difference is success with plasticity minus success without, over all trials. Its p is from "
     "an exact sign-flip test by champion; those of a table are corrected together (Holm). The controls change the "
-    "weights by as much, in other directions."
+    "weights in other directions."
 )
 
 
