@@ -7,11 +7,13 @@ epuckhebb sweep examples/evolve_or_adapt.py:EvolveOrAdapt               the stud
 import functools
 from dataclasses import asdict, dataclass, field, replace
 
+import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 import epuckhebb
+from epuckhebb.analysis.charts import with_interval
 from epuckhebb.analysis.claims import claim
 from epuckhebb.analysis.evolutions import HOURS
 from epuckhebb.analysis.image import in_house_style
@@ -166,7 +168,7 @@ class EvolveOrAdapt(epuckhebb.Study):
         return {
             "evolve_or_adapt": _plane(ways[ways.world == "all"]),
             "seasons": _season_curves(run.table("periods.csv")),
-            "innate": _innate_curves(run.table("innate.csv")),
+            "innate": _innate_curves(run.table("innate.csv"), run.table("innate_tests.csv")),
         }
 
 
@@ -389,6 +391,8 @@ def _innate_tests(innate):
 
 
 _COLOURS = {"from the champion": "#0072B2", "from scratch": "#999999", "with rehearsal": "#009E73"}
+_DEVICES = {"plain": ("o", "#0072B2"), "immigrants": ("s", "#009E73"), "hypermutation": ("^", "#E69F00")}
+_DEVICES |= {"memory": ("D", "#CC79A7"), FIXED: ("X", "black")}
 _POINTS = {NOTHING: ("nothing", "X", "black"), (FIXED, PAPER): ("the paper's plasticity", "o", "#D55E00")}
 _POINTS |= {(FIXED, SHUFFLED): ("shuffled signs", "x", "#D55E00"), (FIXED, LATE): ("late", "s", "#E69F00")}
 _POINTS |= {("baldwin_n", "baldwin_n"): ("baldwin_n, evolved", "^", "#CC79A7")}
@@ -407,13 +411,15 @@ def _plane(ways):
             colour = _COLOURS[way]
             axes.plot(own.recovered, own.retained, marker="o", linewidth=2, color=colour)
             place, look = {"xytext": (7, 5), "textcoords": "offset points"}, {"color": colour, "weight": "bold"}
-            axes.annotate(f"evolution {way}", (end.recovered, end.retained), **place, **look)
+            axes.annotate(f"evolution {way}, {end.recovered:.2f}", (end.recovered, end.retained), **place, **look)
             for one, above in ((own.iloc[0], 7), (end, -13)):
                 place["xytext"] = (-4 if above > 0 else 7, above)
                 axes.annotate(f"{one.robot_hours:.0f} h", (one.recovered, one.retained), **place, color=colour)
         elif (way, controller) in _POINTS:
             name, marker, colour = _POINTS[way, controller]
-            axes.plot(own.recovered, own.retained, marker, color=colour, markersize=9, label=name)
+            axes.plot(
+                own.recovered, own.retained, marker, color=colour, markersize=9, label=f"{name}, {end.recovered:.2f}"
+            )
         else:
             continue
         for name, line in (("recovered", axes.hlines), ("retained", axes.vlines)):
@@ -421,6 +427,9 @@ def _plane(ways):
             line(other, end[f"{name}_low"], end[f"{name}_high"], color=colour, alpha=0.4)
     axes.set(xlim=(-0.03, 1.02), ylim=(-0.04, 1.04), xlabel="recovered: share of cases that solve the changed world")
     axes.set_ylabel("not forgotten: share that still solves the training world")
+    axes.set_title(
+        f"n = {ways.cases.max()} cases; lines: 95 % intervals over champions; numbers: recovered", loc="left"
+    )
     axes.text(1.0, 1.0, "recovers and remembers", ha="right", va="top", color="#00664b")
     axes.legend(loc="lower right", title="within the lifetime, 0 h", alignment="left")
     figure.set_label(
@@ -432,38 +441,56 @@ def _plane(ways):
 
 @in_house_style()
 def _season_curves(periods):
-    """Success in the next generation's world against the period, a line for each device, alone and with plasticity."""
-    figure = Figure(figsize=(6.4, 4.4))
+    """Success in the next generation's world for each period, a point for each device, alone and with plasticity."""
+    figure = Figure(figsize=(6.8, 4.8))
     axes = figure.subplots()
     order = list(dict.fromkeys(periods.period))
-    for (device, controller), own in periods.groupby(["device", "controller"], sort=False):
-        if controller == PAPER and device not in (FIXED, "plain"):
-            continue
+    shown = periods[(periods.controller != PAPER) | periods.device.isin([FIXED, "plain"])]
+    ways = list(shown.groupby(["device", "controller"], sort=False))
+    for shift, ((device, controller), own) in zip(np.linspace(-0.3, 0.3, len(ways)), ways, strict=True):
         name = "champion, never evolved" if device == FIXED else f"evolution, {device}"
-        look = {"color": "black" if device == FIXED else None, "linestyle": "--" if controller == PAPER else "-"}
+        marker, colour = _DEVICES[device]
+        filled = "none" if controller == PAPER else colour
         label = f"{name}{' + plasticity' * (controller == PAPER)}"
-        axes.plot([order.index(period) for period in own.period], own.success, marker="o", label=label, **look)
+        places = [order.index(period) + shift for period in own.period]
+        look = {"color": colour, "marker": marker, "markerfacecolor": filled, "linestyle": "", "label": label}
+        with_interval(axes, places, own, "success", **look)
     hours = [one if one in (NEVER, WITHIN) else f"{GENERATION_HOURS * int(one)} h" for one in order]
     axes.set_xticks(range(len(order)), hours)
     axes.set(xlabel="robot-hours until the world changes", ylabel="success in the next generation's world", ylim=(0, 1))
     axes.grid(axis="y")
+    axes.set_title(f"n = {periods.champions.max()} champions, mean with 95 % interval", loc="left")
     figure.legend(fontsize=8, loc="outside lower center", ncols=3)
-    figure.set_label("When the world keeps changing: mean success of the fittest in the next generation's world")
+    figure.set_label(
+        "When the world keeps changing: mean success of the fittest in the next generation's world, with 95 % "
+        "intervals over champions"
+    )
     return figure
 
 
 @in_house_style()
-def _innate_curves(innate):
-    """Fitness of the fittest over the generations, with plasticity (lines) and without it (dots)."""
-    figure = Figure(figsize=(6.4, 4))
-    axes = figure.subplots()
-    for (way, own), colour in zip(innate.groupby("way", sort=False), _COLOURS.values(), strict=True):
-        means = own.groupby("generation")[["fitness", "rule_off"]].mean()
-        axes.plot(means.index + 1, means.fitness, color=colour, label=f"inherits {way}")
-        axes.plot(means.index + 1, means.rule_off, ":", color=colour)
-    axes.set(xlabel="generation", ylabel="fitness in fresh lifetimes (dots: rule off)")
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.grid(axis="y")
-    axes.legend(fontsize=8)
-    figure.set_label("Does it become innate? Fitness of the fittest in fresh lifetimes, with plasticity and without it")
+def _innate_curves(innate, tests):
+    """What the rule adds to the fitness of the fittest over the generations, with its mean in both thirds."""
+    gaps = innate.assign(gap=innate.fitness - innate.rule_off)
+    ways = list(gaps.groupby("way", sort=False))
+    figure = Figure(figsize=(3.2 * len(ways), 3.6))
+    panels = figure.subplots(1, len(ways), sharey=True, squeeze=False)[0]
+    for axes, (way, own), colour in zip(panels, ways, _COLOURS.values(), strict=True):
+        table = own.pivot_table(index="generation", columns="seed", values="gap")
+        axes.plot(table.index + 1, table, color=colour, linewidth=0.6, alpha=0.4)
+        axes.plot(table.index + 1, table.mean(axis=1), color=colour, linewidth=2)
+        (row,) = tests[tests.way == way].itertuples()
+        ends = f" [{row.difference_low:+.3f}, {row.difference_high:+.3f}]" if pd.notna(row.difference_low) else ""
+        axes.set_title(f"inherits {way}", loc="left", fontsize=9)
+        text = f"first third {row.first:.3f}, last {row.last:.3f}\nless by {row.difference:+.3f}{ends}"
+        axes.annotate(text, (0.03, 0.97), xycoords="axes fraction", va="top", fontsize=8)
+        axes.axhline(0, color="black", linewidth=0.8)
+        axes.set_xlabel("generation")
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    panels[0].set_ylabel("fitness with the rule, less without")
+    panels[0].margins(y=0.3)
+    figure.supxlabel(
+        f"thin: each of n = {tests.seeds.max()} seeds; thick: their mean; 95 % intervals over seeds", fontsize=9
+    )
+    figure.set_label("Does it become innate? What the rule adds to the fitness of the fittest in fresh lifetimes")
     return figure

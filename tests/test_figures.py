@@ -167,20 +167,40 @@ def test_pages_have_the_colours_of_figures():
         assert f"--{name}: light-dark({colour}," in page
 
 
-def test_rescued_against_harmed_has_obstacles_left_and_no_row_of_few_champions():
+def rescue_figure(folder):
+    return charts.rescue_and_harm(*(reference(f"{folder}/{name}") for name in ("rescue_over_all", "rescue_and_harm")))
+
+
+def test_rescue_and_harm_have_a_row_for_each_method_and_no_row_of_few_champions():
     rows = reference("adaptive/rescue_over_all")
-    left, right = charts.rescue_and_harm(rows).axes
-    assert (left.get_title()[:9], right.get_title()[:5]) == ("obstacles", "light")
-    assert {text.get_text() for text in right.texts} == set(rows.controller)
+    above, below = rescue_figure("adaptive").axes
+    assert (above.get_title("left"), below.get_title("left")) == (
+        "obstacles, 8 changed worlds",
+        "light, 8 changed worlds",
+    )
+    light = rows[rows.experiment == "light"]
+    assert [text.get_text() for text in below.get_yticklabels()] == list(light.controller)
+    counts = {f"{row.rescued}/{row.broken}" for row in light.itertuples()}
+    assert counts < {text.get_text() for text in below.texts}
     few = reference("rescue_over_all").query("experiment == 'obstacles'")
-    assert "Fewer than 6 champions" in texts(charts.rescue_and_harm(few))[0]
+    assert "Fewer than 6 champions" in texts(charts.rescue_and_harm(few, reference("rescue_and_harm")))[0]
+
+
+def test_two_changed_worlds_have_a_panel_each():
+    rows = reference("many_obstacles/rescue_and_harm").set_index(["scenario", "controller"])
+    for axes, world in zip(rescue_figure("many_obstacles").axes, ("2obstacles", "4obstacles"), strict=True):
+        assert axes.get_title("left") == f"obstacles: {world}"
+        rescued, harmed = axes.containers
+        assert rescued.lines[0].get_xdata().tolist() == rows.rescued_share[world].tolist()
+        assert harmed.lines[0].get_xdata().tolist() == rows.harmed_share[world].tolist()
 
 
 def test_a_leaderboard_has_a_head_for_each_class_and_the_number_of_champions():
     board, champions = (reference(f"leaderboard/{name}").query("experiment == 'light'") for name in BOARD)
     left, right = leaderboard_charts.success(board, champions, {}).axes
     assert [text.get_text() for text in left.texts] == ["senses", "live fitness", "goal signal"]
-    assert [text.get_text() for text in right.texts] == ["12"] * len(board) + ["n"]
+    shares = [text for row in board.itertuples() for text in (f"{row.success:.2f}", "12")]
+    assert [text.get_text() for text in right.texts] == [*shares, "share", "n"]
     assert len(left.get_yticks()) == len(board)
 
 

@@ -12,7 +12,7 @@ import yaml
 from cases import done, first_of
 
 import epuckhebb
-from epuckhebb.analysis import reproduction
+from epuckhebb.analysis import claims, reproduction
 from epuckhebb.analysis.claims import claim, verdict
 from epuckhebb.analysis.tables import Table
 from epuckhebb.tmaze.scenario import TRAINED
@@ -167,6 +167,10 @@ def test_the_findings_are_those_of_the_reference_results(generated):
     table = Table(HEAD, [row for study, *texts in CLAIMS for row in claims_of(*study, texts)]).markdown()
     sentences = [f"- {text.format(*(share(*count) for count in counts))}\n" for text, counts in FINDINGS]
     generated(README, "findings", "".join([table, "\n", *sentences]))
+
+
+def test_the_page_of_methods_has_the_rule_of_verdicts(generated):
+    generated(ROOT / "docs" / "methods.md", "verdicts", f"{claims.RULE}\n")
 
 
 def test_results_are_those_of_the_reference_run(generated):

@@ -1,16 +1,25 @@
 """The committed reports of runs/reference/ are what the program writes of the tables beside them."""
 
+import io
 import re
+import runpy
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from PIL import Image
 
-from epuckhebb.analysis import ends, leaderboard, reproduction, rescue
+from epuckhebb.analysis import charts, ends, leaderboard, leaderboard_charts, reproduction, rescue
+from epuckhebb.analysis.findings import PAPER_N
+from epuckhebb.analysis.image import image
 from epuckhebb.flock import tables as flock
 from epuckhebb.runtime.resources import data_folder
+from epuckhebb.store import Run
+from epuckhebb.studies import sweep
 from epuckhebb.tmaze.scenario import EXPERIMENTS
+from epuckhebb.tmaze.tasks.reversal import Reversal
 
 REFERENCE = Path(__file__).parents[1] / "runs" / "reference"
 STUDIES = sorted(path for path in REFERENCE.rglob("report.md") if (path.parent / "rescue_by_champion.csv").is_file())
@@ -79,3 +88,55 @@ def test_the_report_of_the_flocks_is_that_of_their_table(committed):
     text = path.read_text()
     made, figures = text.splitlines()[2].partition(" Mean cosine")[0], re.findall(r"\(figures/(.*)\)", text)
     committed(path, flock.page(*tables(path.parent, "flock"), made, figures))
+
+
+def evolve_or_adapt():
+    study = runpy.run_path(str(REFERENCE.parents[1] / "examples" / "evolve_or_adapt.py"))["EvolveOrAdapt"]()
+    return study, Run(REFERENCE / "evolve_or_adapt")
+
+
+def test_the_report_of_evolve_or_adapt_is_that_of_its_tables(committed):
+    study, run = evolve_or_adapt()
+    captions = {f"{name}.png": drawn.get_label() for name, drawn in study.figures(run).items()}
+    committed(run.path / "report.md", study.page(run, captions))
+
+
+def of_board(folder):
+    board, champions = tables(folder, "leaderboard", "champions")
+    for experiment, own in board.groupby("experiment"):
+        limits = Reversal().limits() if experiment == "reversal" else {}
+        mine = champions[champions.experiment == experiment]
+        yield f"leaderboard_{experiment}", leaderboard_charts.success(own, mine, limits)
+    yield "profiles", leaderboard_charts.profiles(board, champions)
+    if (folder / "anytime.csv").is_file():
+        yield "anytime", leaderboard_charts.anytime(board, *tables(folder, "anytime"))
+
+
+def of_tables(folder):
+    """The figures that the tables of a folder are enough for."""
+    if folder == REFERENCE:
+        over_all, by_world = tables(folder, "rescue_over_all", "rescue_and_harm")
+        rates = over_all.experiment.map(PAPER_N), by_world.experiment.map(PAPER_N)
+        own = over_all[rates[0] == over_all.N], by_world[rates[1] == by_world.N]
+        return {"rescue_and_harm": charts.rescue_and_harm(*own)}
+    if (folder / "leaderboard.csv").is_file():
+        return dict(of_board(folder))
+    return evolve_or_adapt()[0].figures(Run(folder)) if folder.name == "evolve_or_adapt" else sweep.figures(Run(folder))
+
+
+DRAWN = {path.parent.parent: None for path in sorted(REFERENCE.rglob("figures/*.png"))} | {REFERENCE: None}
+
+
+@pytest.mark.parametrize("folder", [path for path in DRAWN if path.name != "flock"], ids=lambda folder: folder.name)
+def test_the_figures_are_those_of_the_tables(folder, request):
+    """The same pixels, but for the edges of letters of another version of matplotlib."""
+    drawn = of_tables(folder)
+    assert drawn
+    for name, figure in drawn.items():
+        path, png = folder / "figures" / f"{name}.png", image(figure)
+        ours, theirs = (np.asarray(Image.open(one).convert("L"), float) for one in (io.BytesIO(png), path))
+        apart = np.abs(ours - theirs).mean() if ours.shape == theirs.shape else np.inf
+        if apart >= 0.1 and request.config.getoption("--regenerate"):
+            path.write_bytes(png)
+        else:
+            assert apart < 0.1, f"{name} is stale; run: pytest tests/{request.path.name} --regenerate"

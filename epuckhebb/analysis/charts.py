@@ -45,6 +45,7 @@ _ENDS = {"right": "right end", "wrong": "wrong end", "elsewhere": "elsewhere"}
 _CURVES = {"best_fitness": (INK, "-"), "mean_fitness": (SOFT, "--")}  # of an evolution
 _CURVES |= {"best_fitness_again": (KIND["post_hoc"], "-"), "best_fitness_rule_off": (KIND["post_hoc"], ":")}
 _PANELS = 4  # side by side
+_OWN_PANELS = 3  # changed worlds that have a panel each
 _NAMED = 8  # rates for whose names an axis has room
 
 
@@ -56,6 +57,12 @@ def by_experiment(table: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
 def in_margin(axes: Axes, text: str, height: float = 0.5) -> None:
     """Write at the right margin of a panel. height: as a share of it."""
     axes.annotate(text, (1, height), (7, 0), xycoords="axes fraction", textcoords="offset points", va="center")
+
+
+def beside(axes: Axes, text: str, place: float, points: float = 4, **look: Any) -> None:
+    """Write a number of a row at the right margin of its panel. place: of the row. points: from the edge."""
+    where: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points", "va": "center"}
+    axes.annotate(text, (1, place), (points, 0), fontsize=8, **where, **look)
 
 
 def too_few() -> Figure:
@@ -118,31 +125,28 @@ def dose_response(doses: pd.DataFrame) -> Figure:
 
 
 @in_house_style()
-def rescue_and_harm(over_all: pd.DataFrame) -> Figure:
-    """Rescued against harmed, a panel for each experiment: a point for each plasticity, with both intervals.
+def rescue_and_harm(over_all: pd.DataFrame, by_world: pd.DataFrame) -> Figure:
+    """Rescued and harmed trials of each plasticity, with intervals and counts: a row of panels for each experiment.
 
-    over_all: of `findings.rescue_over_all`. What fewer than six champions can show has no interval, and is left out.
+    An experiment with at most three changed worlds has a panel for each, others one for all together.
+
+    over_all, by_world: of `findings.rescue_over_all` and `rescue_and_harm`. What fewer than six champions can show has
+    no interval, and is left out.
     """
-    shown = over_all.dropna(subset=["rescued_low", "harmed_low"])
-    groups = by_experiment(shown)
-    if not groups:
+    rows = {one: panels for one, own in by_experiment(over_all) if (panels := _panels(str(one), own, by_world))}
+    if not rows:
         return too_few()
-    figure = Figure(figsize=(4.3 * len(groups), 3.9))
-    panels = figure.subplots(1, len(groups), squeeze=False, sharex=True, sharey=True)[0]
-    for axes, (experiment, own) in zip(panels, groups, strict=True):
-        x, y = own.harmed_share.to_numpy(), own.rescued_share.to_numpy()
-        look = {"fmt": "none", "elinewidth": 1.2, "capsize": 0, "alpha": 0.8}
-        for what, way in (("harmed", "xerr"), ("rescued", "yerr")):
-            away = np.abs(own[[f"{what}_low", f"{what}_high"]].to_numpy().T - own[f"{what}_share"].to_numpy())
-            axes.errorbar(x, y, **{way: away}, ecolor=EFFECT[what], **look)
-        axes.scatter(x, y, s=20, color=INK, zorder=3)
-        one_rate = own.controller.map(own.controller.value_counts() == 1)
-        names = own.controller.where(one_rate, [rescue.label(row.controller, row.N) for row in own.itertuples()])
-        _name_points(axes, x, y, [plain(name) for name in names])
-        n = f"{experiment}\nn = {own.broken.iloc[0]} broken trials, {own.intact.iloc[0]} intact"
-        axes.set(xlim=(-0.02, 1.02), ylim=(-0.02, 1.03), title=n)
-        axes.set_xlabel(f"{rescue.HARMED} (aim: 0)", color=EFFECT["harmed"])
-    panels[0].set_ylabel(f"{rescue.RESCUED} (aim: 1)", color=EFFECT["rescued"])
+    columns, methods = max(map(len, rows.values())), [max(len(own) for _, own in panels) for panels in rows.values()]
+    figure = Figure(figsize=(2.4 + 3.0 * columns, 0.6 + sum(0.9 + 0.27 * count for count in methods)))
+    grid = figure.subplots(len(rows), columns, squeeze=False, height_ratios=[2 + count for count in methods])
+    for all_axes, panels in zip(grid, rows.values(), strict=True):
+        for axes in all_axes[len(panels) :]:
+            axes.remove()
+        for axes, (title, own) in zip(all_axes, panels, strict=False):
+            _rescue_panel(axes, own)
+            axes.set_title(plain(title), loc="left")
+    figure.supxlabel("share of trials, 95 % interval over champions; beside it, how many of how many", fontsize=9)
+    figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=min(columns, 2))
     return figure
 
 
@@ -218,16 +222,40 @@ def _bar_names(own: pd.DataFrame) -> "pd.Series[str]":
     return pd.Series([plain(name) for name in names], own.index)
 
 
-def _name_points(axes: Axes, x: NDArray[np.float64], y: NDArray[np.float64], names: Sequence[str]) -> None:
-    """Name points at the right margin, in the order of their heights, each with a line to its point."""
-    order = np.lexsort([-x, y])
-    apart, heights = 0.058 * np.arange(len(order)), y[order]
-    raised = np.maximum.accumulate(heights - apart) + apart
-    lowered = np.minimum.accumulate((heights - apart)[::-1])[::-1] + apart
-    places = np.clip((raised + lowered) / 2, apart, np.maximum(apart, 1 - apart[::-1]))
-    for place, k in zip(places, order, strict=True):
-        arrow = {"arrowstyle": "-", "color": SOFT, "linewidth": 0.5, "shrinkB": 3, "relpos": (0, 0.5)}
-        axes.annotate(names[k], (x[k], y[k]), (1.06, place), fontsize=8.5, va="center", arrowprops=arrow)
+def _panels(experiment: str, over_all: pd.DataFrame, by_world: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
+    """The panels of an experiment: their titles, and the rows that have both intervals."""
+    changed = by_world[(by_world.experiment == experiment) & (by_world.scenario != TRAINED[experiment])]
+    worlds = list(changed.groupby("scenario", sort=False))
+    panels = [(f"{experiment}, {len(worlds)} changed worlds", over_all)]
+    if len(worlds) <= _OWN_PANELS:
+        panels = [(f"{experiment}: {world}", own) for world, own in worlds]
+    known = [(title, own.dropna(subset=["rescued_low", "harmed_low"])) for title, own in panels]
+    return [(title, own) for title, own in known if len(own)]
+
+
+def _rescue_panel(axes: Axes, own: pd.DataFrame) -> None:
+    one_rate = own.controller.map(own.controller.value_counts() == 1)
+    names = own.controller.where(one_rate, [rescue.label(row.controller, row.N) for row in own.itertuples()])
+    places = np.arange(len(own))
+    for what, whole, text, marker, shift, column in (
+        ("rescued", "broken", f"{rescue.RESCUED} (aim: 1)", "o", -0.15, 8),
+        ("harmed", "intact", f"{rescue.HARMED} (aim: 0)", "s", 0.15, 58),
+    ):
+        share, low, high = (own[f"{what}_{end}"].to_numpy(float) for end in ("share", "low", "high"))
+        look: dict[str, Any] = {
+            "color": EFFECT[what],
+            "marker": marker,
+            "linestyle": "",
+            "capsize": 0,
+            "clip_on": False,
+        }
+        axes.errorbar(share, places + shift, xerr=[share - low, high - share], label=text, **look)
+        for place, part, of in zip(places, own[what], own[whole], strict=True):
+            beside(axes, f"{part}/{of}", float(place), column, color=EFFECT[what])
+    axes.set_yticks(places, [plain(name) for name in names])
+    axes.set(xlim=(0, 1), ylim=(len(own) - 0.5, -0.5))
+    axes.grid(axis="x")
+    axes.tick_params(axis="y", length=0)
 
 
 @in_house_style()
@@ -360,19 +388,30 @@ def lifetime(course: pd.DataFrame, title: str, changes: Sequence[int]) -> Figure
 
 @in_house_style()
 def returns(rows: pd.DataFrame) -> Figure:
-    """The mean return before and after a change, of each rule and its controls, with intervals: a panel a change."""
+    """The mean return before and after a change, of each rule and its controls, with intervals: a panel a change.
+
+    The number beside a row is the return after the change.
+    """
     worlds = rows.fillna({"change": ""}).groupby("change", sort=False)
     rules = list(dict.fromkeys(rows.controller.str.partition(" (")[0]))
     names = sorted(rows.controller.unique(), key=lambda name: rules.index(name.partition(" (")[0]))
-    drawn = Figure(figsize=(2.2 + 2.6 * len(worlds), 1.2 + 0.28 * len(names)))
+    drawn = Figure(figsize=(2.2 + 2.6 * len(worlds), 1.6 + 0.28 * len(names)))
     panels = drawn.subplots(1, len(worlds), sharey=True, sharex=True, squeeze=False)[0]
     for axes, (change, own) in zip(panels, worlds, strict=True):
-        for when, colour, shift in (("before", SOFT, -0.15), ("after", INK, 0.15)):
+        for when, colour, marker, shift in (("before", SOFT, "s", -0.15), ("after", INK, "o", 0.15)):
             places = [names.index(name) + shift for name in own.controller]
             axes.hlines(places, own[f"return_{when}_low"], own[f"return_{when}_high"], color=colour)
-            axes.plot(own[f"return_{when}"], places, "o", color=colour, markersize=4, label=when)
+            look = {"linestyle": "", "marker": marker, "color": colour, "markersize": 4, "label": when}
+            axes.plot(own[f"return_{when}"], places, **look)
+        for place, value in zip(places, own.return_after, strict=True):
+            beside(axes, f"{round(value)}", place)
         axes.set(title=plain(str(change)) or "nothing changes", xlabel="return")
+        axes.grid(axis="x")
     panels[0].set_yticks(range(len(names)), [plain(name) for name in names])
     panels[0].invert_yaxis()
-    panels[0].legend()
+    count, unit = rows.champions.max(), "champions"
+    if count == 1:
+        count, unit = rows.lifetimes.max(), "lifetimes"
+    drawn.supxlabel(f"mean of n = {count} {unit}, 95 % interval; beside it, the return after the change", fontsize=9)
+    drawn.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
     return drawn

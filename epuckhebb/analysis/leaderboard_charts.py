@@ -10,11 +10,12 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator
 
 from epuckhebb.analysis import leaderboard
-from epuckhebb.analysis.charts import INK, KIND, SOFT, by_experiment, too_few
+from epuckhebb.analysis.charts import INK, KIND, SOFT, beside, by_experiment, too_few
 from epuckhebb.analysis.image import in_house_style, plain
 from epuckhebb.analysis.statistics import LEAST, performance_profile
 
 _MARKER = {leaderboard.PLAIN: "o", leaderboard.EVOLVED: "D", leaderboard.POST_HOC: "s"}
+_SHARE = ("share of trials that succeed", "share of rewarded trials")
 _OTHERS = {"rule off": "x", "reward inverted": "v", "one champion": "."}
 
 
@@ -25,7 +26,9 @@ def success(board: pd.DataFrame, champions: pd.DataFrame, limits: Mapping[str, f
     board, champions: the rows of the experiment in the two tables of `analysis.leaderboard`; methods with fewer than
     six champions are left out. limits: lines with their names, such as chance and the optimum.
     """
-    is_reversal = (board.experiment == leaderboard.REVERSAL).all()  # there all have the same knowledge, the reward
+    is_reversal = bool(
+        (board.experiment == leaderboard.REVERSAL).all()
+    )  # there all have the same knowledge, the reward
     by = "experiment" if is_reversal else "knowledge_class"
     groups = list(board[board.champions >= LEAST].groupby(by, sort=False))
     if not groups:
@@ -48,16 +51,19 @@ def success(board: pd.DataFrame, champions: pd.DataFrame, limits: Mapping[str, f
             for axes, name in ((left, "success"), (right, "difference")):
                 value, low, high = (getattr(row, name + end) for end in ("", "_low", "_high"))
                 axes.errorbar(value, place, xerr=np.nan_to_num([[value - low], [high - value]]), **look)
-            right.annotate(f"{row.champions}", (1.04, place), xycoords=("axes fraction", "data"), va="center")
+            beside(right, f"{row.success:.2f}", place, 6)
+            beside(right, f"{row.champions}", place, 42)
             ticks[place], place = plain(row.method), place - 1
     left.set_yticks(list(ticks), list(ticks.values()))
     for name, share in limits.items():
         left.axvline(share, color=INK, linewidth=0.8, linestyle="--", zorder=0.5)
         left.annotate(name, (share, 0.6), (2, 0), textcoords="offset points", fontsize=8)
-    left.set(xlim=(-0.02, 1.02), ylim=(place + 0.3, 0.8), xlabel="share of trials that succeed (aim: 1)")
+    left.set(xlim=(-0.02, 1.02), ylim=(place + 0.3, 0.8), xlabel=f"{_SHARE[is_reversal]} (aim: 1)")
     right.set(xlim=(-0.62, 0.62), xlabel="difference to the matched control\n(aim: above 0)")
     right.axvline(0, color=INK, linewidth=0.8)
-    right.annotate("n", (1.04, 1), xycoords="axes fraction", weight="bold")
+    beside(right, "share", 0.5, 6, weight="bold")
+    beside(right, "n", 0.5, 42, weight="bold")
+    drawn.supxlabel("bars: 95 % intervals over champions", fontsize=9)
     for axes in (left, right):
         axes.grid(axis="x")
         axes.tick_params(axis="y", length=0)
@@ -94,6 +100,7 @@ def anytime(board: pd.DataFrame, course: pd.DataFrame) -> Figure:
         axes.minorticks_off()
         axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axes.xaxis.set_major_formatter("{x:g}")
+        axes.legend(title="band: 95 % interval over champions", alignment="left")
     drawn.axes[0].set_ylabel("success over the test worlds")
     return drawn
 
@@ -113,6 +120,7 @@ def _curves(
             if method in best:
                 look |= {"color": KIND[best[method]], "linewidth": 2.2, "label": plain(method)}
                 if "success_low" in mine:
+                    look["label"] += f", at the end {mine.success.iloc[-1]:.2f}"
                     band = {"color": look["color"], "alpha": 0.12, "linewidth": 0, "zorder": 0}
                     axes.fill_between(line[0], mine.success_low, mine.success_high, **band)
             axes.plot(*line, **look)

@@ -35,7 +35,7 @@ CLAIMS = f"Each claim is a question to every trial that could show it. {RULE}\n"
 RESCUE_TEXT = (
     f"{rescue.COUNTED} The difference is success with plasticity minus success without, over all trials. Its p is from "
     "an exact sign-flip test by champion; those of a table are corrected together (Holm). The controls change the "
-    "weights by as much, in other directions."
+    "weights in other directions."
 )
 
 
@@ -192,8 +192,9 @@ def figures_of(
             caption = f"{one}: success, weight change and saturated weights against N (n = {len(histories[one])})."
             add(f"dose_response_{one}", charts.dose_response(own), caption)
     if histories:
-        caption = "Rescued against harmed trials of all changed worlds at the paper's rates, with 95 % intervals."
-        add("rescue_and_harm", charts.rescue_and_harm(_at_paper_rates(tables["rescue_over_all"])), caption)
+        caption = "Rescued and harmed trials of each changed world at the paper's rates, with 95 % intervals."
+        rows = (_at_paper_rates(tables[name]) for name in ("rescue_over_all", "rescue_and_harm"))
+        add("rescue_and_harm", charts.rescue_and_harm(*rows), caption)
         caption = (
             "Where trials end at the paper's rates: shares of right end, wrong end and elsewhere, n in each title."
         )

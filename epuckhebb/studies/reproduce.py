@@ -152,9 +152,8 @@ class Reproduction(ChampionStudy):
             return replace(there.world, physics=part_from("physics", self.physics, "physics")), there.lifetime
 
         signals = {one: self.signal.of(one) for one in shown}
-        tables = {
-            name: run.table(f"{name}.csv") for name in ("doses", "rescue_over_all", "ends") if run.has(f"{name}.csv")
-        }
+        names = ("doses", "rescue_over_all", "rescue_and_harm", "ends")
+        tables = {name: run.table(f"{name}.csv") for name in names if run.has(f"{name}.csv")}
         return reproduction.figures_of(tables, shown, signals, world, histories, self.seed)
 
     def page(self, run: Run, captions: Mapping[str, str]) -> str:

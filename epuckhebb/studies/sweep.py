@@ -240,7 +240,10 @@ def figures(run: Run) -> dict[str, "Figure"]:
         return {"learning": charts.learning_curves(ways)}
     drawn = {
         "dose_response": ("doses.csv", charts.dose_response),
-        "rescue_and_harm": ("rescue_over_all.csv", charts.rescue_and_harm),
+        "rescue_and_harm": (
+            "rescue_over_all.csv",
+            lambda rows: charts.rescue_and_harm(rows, run.table("rescue_and_harm.csv")),
+        ),
         "ends": ("ends.csv", charts.ends),
         "returns": ("effects.csv", lambda _: charts.returns(run.table("summary.csv"))),
     }
