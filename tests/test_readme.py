@@ -146,7 +146,7 @@ def which_end():
     (sides,) = both[(both.scenario == "lowlight") & (both.controller == "Hebbian")].itertuples()
     low, high = rule.right_less_wrong_90_low, rule.right_less_wrong_90_high
     verdict = "not decided"
-    if -0.3 < low and high < 0.3:
+    if low > -0.3 and high < 0.3:
         verdict = "which end is chance"
     elif 5 * rule.sign_flip_p < 0.05:
         verdict = f"the {'right' if rule.right_less_wrong > 0 else 'wrong'} end more often than the other"
