@@ -153,7 +153,7 @@ def which_end():
     facts = f"{rule.right_less_wrong:+.2f} of two sides, 90 % [{low:+.2f}, {high:+.2f}], p = {rule.sign_flip_p:.2g}"
     return (
         f"- **In dimmed light: {verdict}.** The rule drives the robot to its goal in {rule.right:.0f} of {rule.trials} "
-        f"trials, and to the *wrong* goal in {rule.wrong:.0f} ({facts}). Without plasticity it is {alone.right:.0f} and "
+        f"trials, to the *wrong* goal in {rule.wrong:.0f} ({facts}). Without plasticity it is {alone.right:.0f} and "
         f"{alone.wrong:.0f}, with changes as large at random {control.right:.0f} and {control.wrong:.0f}. "
         f"{sides.right_both} of {sides.champions} champions are right on both sides; by chance "
         f"{sides.right_expected:.1f} would be.\n"

@@ -44,8 +44,8 @@ def _showcase(genome: Genome, scenario: str, rate: float) -> str:
     for row in rows:
         if (row["scenario"], row["controller"], float(row["N"])) == (scenario, HEBBIAN, rate):
             return (
-                f"A showcase: {row['gained']} of {n} champions fail in {scenario} on one side or both, and succeed on both "
-                f"with N = {rate:g}. To run all {n}: epuckhebb evaluate -m scenario={scenario} hebbian.N={rate:g} "
+                f"A showcase: {row['gained']} of {n} champions fail in {scenario} on one side or both, and succeed on "
+                f"both with N = {rate:g}. To run all {n}: epuckhebb evaluate -m scenario={scenario} hebbian.N={rate:g} "
                 f"genome={REFERENCE}_1,...,{REFERENCE}_{n}"
             )
     return ""
