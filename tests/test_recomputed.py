@@ -1,6 +1,7 @@
 """Numbers of runs/reference/ again, from its CSV files alone: by SciPy and by hand, with no function of the program."""
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -300,3 +301,80 @@ def test_many_obstacles():
     corrected[order] = np.maximum.accumulate(np.sort(every) * np.arange(4, 0, -1)).clip(max=1)
     rescue, harm = (" and ".join(f"{value:.2f}" for value in pair) for pair in (corrected[:2], corrected[2:]))
     assert f"rescue p = {rescue}, harm p = {harm}" in " ".join(page.split())
+
+
+README = (REFERENCE.parents[1] / "README.md").read_text()
+STUDIES = {  # of the front page: training world, changed world, the draws of the control
+    "which_end": ("highlight", "lowlight", [f"yoked_sign_{draw}" for draw in range(5)]),
+    "many_obstacles": ("base", "4obstacles", ["shuffled"]),
+}
+
+
+def sides_of(study):
+    """End and fate of each trial, from a table with a row a champion: controller, scenario, champion and side."""
+    rows = pd.read_csv(REFERENCE / study / "ends_by_champion.csv", keep_default_na=False)
+    sides = [
+        rows[["controller", "scenario", "genome"]].assign(side=side, end=rows[f"end_{side}"], fate=rows[f"fate_{side}"])
+        for side in ("left", "right")
+    ]
+    return pd.concat(sides).set_index(["controller", "scenario", "genome", "side"]).sort_index()
+
+
+@pytest.mark.parametrize("study", STUDIES)
+def test_the_claims_of_the_front_page(study):
+    trained, changed, draws = STUDIES[study]
+    each = sides_of(study)
+    fate = each.loc["GA", changed].fate
+    right, wrong = (
+        {key: each.end[key] == end for key in each.index.droplevel([2, 3]).unique()} for end in ("right", "wrong")
+    )
+    solved, broken = fate.isin(["broken", "intact"]), fate == "broken"
+    assert (solved == right["GA", trained]).all()
+    assert (broken == solved & ~right["GA", changed]).all()
+    shown = [line for line in README.splitlines() if re.match(r"\| .*\| \*\*", line)]
+    rows = shown[:3] if study == "which_end" else shown[3:6]
+    harmed = {name: ~right[name, trained] for name in ("Hebbian", *draws)}
+    rescued = {name: right[name, changed] for name in ("Hebbian", *draws)}
+    for row, true, whole, world in (
+        (rows[0], None, solved, changed),
+        (rows[1], rescued, broken, changed),
+        (rows[2], harmed, solved, trained),
+    ):
+        _, _, counted, share, ends, control = (cell.strip() for cell in row.strip("|").split("|"))
+        part = (broken if true is None else true["Hebbian"]) & whole
+        assert counted == f"{part.sum()} of {whole.sum()}"
+        low, high = interval(part.groupby("genome").sum(), whole.groupby("genome").sum())
+        assert share == f"{part.sum() / whole.sum():.2f} [{low:.2f}, {high:.2f}]"
+        if true is not None:
+            assert ends == f"{wrong['Hebbian', world][whole].sum()} of {whole.sum()}"
+            drawn = [(true[name][whole].mean(), wrong[name, world][whole].mean()) for name in draws]
+            assert control == "{:.2f}, {:.2f}".format(*np.mean(drawn, axis=0))
+
+
+def test_which_end_is_chance():
+    each = sides_of("which_end")
+    ends = {name: each.loc[name, "lowlight"].end for name in each.index.levels[0]}
+    counts = [(ends[name] == end).sum() for name in ("Hebbian", "GA") for end in ("right", "wrong")]
+    drawn = [(ends[f"yoked_sign_{k}"] == end).mean() * 220 for end in ("right", "wrong") for k in range(5)]
+    less = ((ends["Hebbian"] == "right").astype(int) - (ends["Hebbian"] == "wrong")).groupby("genome").sum()
+    assert len(less) == 110
+    drawn_means = CHANCE.choice(less.to_numpy(), (20_000, 110)).mean(axis=1)
+    low, high = np.percentile(drawn_means, [5, 95])
+    assert -0.3 < low < less.mean() < high < 0.3  # by the plan: which end is chance
+    p = stats.permutation_test((less,), np.sum, permutation_type="samples", n_resamples=19_999, rng=CHANCE).pvalue
+    both = (ends["Hebbian"] == "right").unstack("side")
+    said = re.search(
+        r"in (\d+) of 220 trials, to the \*wrong\* goal in (\d+) "
+        r"\((\S+) of two sides, 90 % \[(\S+), (\S+)\], p = (\S+)\)"
+        r"\. Without plasticity it is (\d+) and (\d+), with random changes of this size (\d+) and (\d+)\. (\d+) of 110 "
+        r"champions are right on both sides; by chance (\S+) would be",
+        README,
+    )
+    numbers = [float(number) for number in said.groups()]
+    assert numbers[:2] + numbers[6:8] == counts
+    assert numbers[2] == pytest.approx(less.mean(), abs=0.005)
+    assert numbers[3:5] == pytest.approx([low, high], abs=0.02)
+    assert numbers[5] == pytest.approx(p, abs=0.02)
+    assert numbers[8:10] == pytest.approx([sum(drawn[:5]) / 5, sum(drawn[5:]) / 5], abs=0.5)
+    assert numbers[10] == both.all(axis=1).sum()
+    assert numbers[11] == pytest.approx(both.left.sum() * both.right.sum() / 110, abs=0.05)

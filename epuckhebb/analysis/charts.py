@@ -154,7 +154,7 @@ _WORLDS = {"highlight": "bright light", "lowlight": "dimmed light", "base": "no 
 _WORLDS |= {"2obstacles": "two obstacles", "4obstacles": "four obstacles"}
 _CONTROLLERS = {GA: "no plasticity", HEBBIAN: "paper's rule", "anti": "opposite sign", "shuffled": "shuffled signs"}
 _CONTROLLERS |= {"yoked_sign": "yoked, signs", "yoked_place": "yoked, places", "light_code": "rule, authors' F"}
-_LEAST_SHARE = 0.11  # of a bar that has room for its number
+_LEAST_SHARE = 0.16  # of a bar that has room for its number
 
 
 @in_house_style()
