@@ -56,16 +56,19 @@ def test_what_is_no_plain_setting_is_refused_with_file_and_line(mine, tmp_path, 
     assert [path.name for path in tmp_path.iterdir()] == ["conf"]
 
 
-SEVERAL_READINGS = ["010", "1:30", "0x10", "1_0", "-07", "0b1", "1:30:20.5", "[0.1, 010]", "{x: 1_000.5}"]
+SEVERAL_READINGS = [("light", text) for text in ("010", "1:30", "0x10", "1_0", "-07", "0b1", "1:30:20.5")]
+SEVERAL_READINGS += [("dead_sensors", "[1, 010]"), ("lamp", "{intensity: 1_000.5}")]
 
 
-@pytest.mark.parametrize("text", SEVERAL_READINGS)
-def test_a_number_with_several_readings_is_refused_in_files_and_words_alike(mine, text):
-    mine(f"defaults: [base, _self_]\nlight: {text}\n")
-    for words in ([f"scenario.light={text}"], ["scenario=mine"]):
-        with pytest.raises(ConfigError, match=r"(light=|mine\.yaml, line 2).*has several readings"):
+@pytest.mark.parametrize(("key", "text"), SEVERAL_READINGS)
+@pytest.mark.parametrize("loader", [yaml.SafeLoader, yaml_file._LOADER])
+def test_a_number_with_several_readings_is_refused_in_files_and_words_alike(mine, monkeypatch, key, text, loader):
+    monkeypatch.setattr(yaml_file, "_LOADER", loader)
+    mine(f"defaults: [base, _self_]\n{key}: {text}\n")
+    for words in ([f"scenario.{key}={text}"], ["scenario=mine"]):
+        with pytest.raises(ConfigError, match=rf"({key}=|mine\.yaml, line 2).*has several readings"):
             composed("evaluate", words, "conf")
-    mine(f"light: {text}\n", "change/mine.yaml")
+    mine(f"{key}: {text}\n", "change/mine.yaml")
     with pytest.raises(ConfigError, match=r"change/mine\.yaml, line 1.*has several readings"):
         composed("evaluate", ["change=mine"], "conf")
 

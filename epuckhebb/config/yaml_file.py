@@ -66,6 +66,6 @@ def _check_numbers_of(path: Path) -> None:
     """Check the plain values of a file; one that is no YAML is left to those that read it."""
     with suppress(OSError, UnicodeError, yaml.YAMLError):
         for event in yaml.parse(path.read_text(encoding="utf-8"), _LOADER):
-            if isinstance(event, yaml.ScalarEvent) and event.style is None:
+            if isinstance(event, yaml.ScalarEvent) and not event.style:  # the two loaders differ
                 mark: Any = event.start_mark
                 check_number(event.value, f"{path}, line {mark.line + 1}")
