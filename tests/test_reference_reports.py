@@ -1,7 +1,6 @@
 """The committed reports of runs/reference/ are what the program writes of the tables beside them."""
 
 import io
-import os
 import re
 import runpy
 from pathlib import Path
@@ -26,7 +25,7 @@ REFERENCE = Path(__file__).parents[1] / "runs" / "reference"
 STUDIES = sorted(  # those that ran since the program says where robots end; the others are to be run again
     path
     for path in REFERENCE.rglob("report.md")
-    if {"ends.csv", "rescue_by_champion.csv"} <= {*os.listdir(path.parent)}
+    if {"ends.csv", "rescue_by_champion.csv"} <= {file.name for file in path.parent.iterdir()}
 )
 BOARDS = sorted(REFERENCE.rglob("leaderboard.csv"))
 
