@@ -70,6 +70,10 @@ def test_each_idea_has_one_column_and_the_genes_alone_have_a_value():
     assert sizes.to_dict() == {("GA", "any", "0.0"): 4, ("Hebbian", "0.1", "0.1"): 4, ("Hebbian", "0.3", "0.1"): 4}
 
 
+def test_a_key_that_is_left_out_is_no_condition():
+    assert "~compare" not in gather([evaluated(**{"~compare": ""})]).settings
+
+
 def test_intervals_are_over_champions():
     found = gather([evaluated(name, name, n=n) for name, n in zip("abcdef", (2, 1, 0, 2, 1, 0), strict=True)])
     over = summary.over_champions(found.rows, found.settings).set_index(["controller", "side"])

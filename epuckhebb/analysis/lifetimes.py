@@ -57,7 +57,8 @@ def gather(evaluations: Sequence[Evaluated]) -> Gathered:
     Two lifetimes are the same if genes, world, controller, side, repeat and seed are the same. The GA has the same
     lifetimes beside every plasticity: they have one row each, with `ANY` for the settings of plasticity.
     """
-    keys = list(dict.fromkeys(key for one in evaluations for key in one.settings if key not in _NO_CONDITION))
+    given = dict.fromkeys(key for one in evaluations for key in one.settings if key not in _NO_CONDITION)
+    keys = [key for key in given if not key.startswith("~")]  # what is left out has no value
     more = [key for key in keys if key not in OWN_COLUMN]
     place = list(evaluations[0].place) if evaluations else []
     names, frames = _names(evaluations), []
