@@ -54,6 +54,8 @@ def test_every_column_is_described():
 def test_the_columns_of_the_reference_results_are_described(table):
     own = [table.parent] if (table.parent / COLUMNS.name).is_file() else []  # of a study that is an example
     columns, described = list(pd.read_csv(table, nrows=0)), described_columns(table.name, *own)
+    if table.name in ("ends.csv", "ends_by_champion.csv", "discrimination.csv"):
+        columns = columns[columns.index("experiment") :]  # after those of other keys that were set
     assert columns == [name for name in described if name in columns]  # some were made before a column was added
 
 
