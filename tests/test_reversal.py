@@ -405,7 +405,7 @@ def test_a_champion_beside_its_own_frozen_weights_and_beside_none_that_change(ch
     brief += ["threads=1", "hydra.run.dir=run"]
     controls = ["compare.frozen={acts: before_change}", "compare.off={N: 0}"]
     done("evaluate", f"genome={champions / 'modulated'}", "task=reversal", "hebbian=modulated", *controls, *brief)
-    rows = pd.read_csv("run/metrics.csv").drop(columns=["N", "signal"]).set_index("controller")
+    rows = pd.read_csv("run/metrics.csv").drop(columns=["N", "signal", "weight_path"]).set_index("controller")
     assert rows.index.unique().tolist() == ["GA", "modulated", "modulated (reward inverted)", "frozen", "off"]
     assert rows.loc["off"].reset_index(drop=True).equals(rows.loc["GA"].reset_index(drop=True))
     changes = rows.weight_change_mean

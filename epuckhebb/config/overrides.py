@@ -192,8 +192,9 @@ def _with_one_rule(words: list[str]) -> list[str]:
     chosen = {key: [word for word in words if word.startswith(f"{key}=")] for key in (_RULES, _RULE)}
     for key, other in ((_RULE, _RULES), (_RULES, _RULE)):
         for word in chosen[key]:
-            ((_, values),) = alternatives([word]).items()
-            have_row = {value_of(value) in conf.groups("evaluate")[_RULES] for value in values}
+            ((_, choices),) = alternatives([word]).items()
+            values = [value_of(choice) for choice in choices]
+            have_row = {value in conf.groups("evaluate")[_RULES] for value in values}
             if have_row == {key == _RULE} and (key == _RULE or all(".py:" in value for value in values)):
                 if chosen[other]:
                     raise ConfigError(f"{chosen[other][-1]} and {word} both choose the rule; give one of them")
