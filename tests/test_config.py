@@ -258,3 +258,4 @@ def test_a_sweep_over_rules_by_either_key_has_the_same_jobs():
     ]
     assert jobs[0] == jobs[1]
     assert for_hydra("evaluate", ["hebbian.rule=oja,bcm"])[1] == ["hebbian=oja,bcm"]
+    assert for_hydra("evaluate", ["hebbian=a.py:A,b.py:B"])[1] == ["hebbian.rule=a.py:A,b.py:B"]

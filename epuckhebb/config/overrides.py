@@ -193,12 +193,13 @@ def _with_one_rule(words: list[str]) -> list[str]:
     for key, other in ((_RULE, _RULES), (_RULES, _RULE)):
         for word in chosen[key]:
             ((_, values),) = alternatives([word]).items()
-            have_row = {value_of(value) in conf.groups("evaluate")[_RULES] for value in values}
-            if have_row == {key == _RULE} and (key == _RULE or all(".py:" in value for value in values)):
+            rules = list(map(value_of, values))
+            have_row = {rule in conf.groups("evaluate")[_RULES] for rule in rules}
+            if have_row == {key == _RULE} and (key == _RULE or all(".py:" in rule for rule in rules)):
                 if chosen[other]:
                     raise ConfigError(f"{chosen[other][-1]} and {word} both choose the rule; give one of them")
                 words = [f"{other}={one.partition('=')[2]}" if one == word else one for one in words]
-            elif len(have_row) > 1 and any(".py:" in value for value in values):
+            elif len(have_row) > 1 and any(".py:" in rule for rule in rules):
                 raise ConfigError(f"{word}: rows and FILE.py:NAME do not go together in one list; give two calls")
     return words
 
