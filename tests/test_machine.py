@@ -88,6 +88,6 @@ def test_a_reader_that_stops_does_not_stop_the_work():
 
 def test_who_waits_for_a_compiler_is_told(monkeypatch, capsys):
     monkeypatch.setattr(progress, "_SLOW_S", 0.0)
-    monkeypatch.setattr(evaluate, "load_kernel", lambda *_: time.sleep(0.3))
+    monkeypatch.setattr(evaluate, "load_kernel", lambda *_, **__: time.sleep(0.3))
     evaluate.compile_for([], PAPER_NETWORK, Scenario())
     assert "Compiling" in capsys.readouterr().err

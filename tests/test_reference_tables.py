@@ -20,6 +20,8 @@ from epuckhebb.tmaze.individual import GA
 ROOT = Path(__file__).parents[1]
 REFERENCE = ROOT / "runs" / "reference"
 BOARDS = {"reversal": 10, "spikes": 12, "leaderboard": 12, "leaderboard_unseen": 20}  # champions of a method
+NO_ENDS = {"end": "", "arrived": False}  # which these rows do not say
+ENDS = ("broken_wrong", "broken_elsewhere", "broken_arrived")
 COUNTS = {"successes_off": "Int64", "successes_inverted": "Int64"}
 
 
@@ -72,8 +74,9 @@ def test_claims(committed):
 def test_rescue_and_harm_at_the_rates_of_the_paper(committed):
     """The trials of other rates are too many to be committed; their rows stay."""
     key = ["experiment", "scenario", "controller", "N"]
-    told, own = (table.set_index(key) for table in (read("rescue_and_harm"), findings.rescue_and_harm(read("trials"))))
-    rows = told.to_dict("index") | own.to_dict("index")
+    trials = read("trials").assign(**NO_ENDS)
+    told, own = (table.set_index(key) for table in (read("rescue_and_harm"), findings.rescue_and_harm(trials)))
+    rows = told.to_dict("index") | own[told.columns].to_dict("index")
     committed("rescue_and_harm", pd.DataFrame(rows.values(), told.index).reset_index())
 
 
@@ -86,10 +89,9 @@ def test_rescue_and_harm_from_successes(folder, committed):
         of = counts[counts.scenario.isin(rows.scenario)].set_index("scenario").loc[rows.scenario.unique()].reset_index()
         for name, rate in [(GA, 0.0), *rows[["controller", "N"]].drop_duplicates().itertuples(index=False)]:
             trials = of[["scenario", "genome", "side"]].assign(experiment=experiment, controller=name, N=rate)
-            by_champion.append(trials.assign(succeeds=2 * of[name] > repeats))
-    committed(
-        f"{folder}/rescue_and_harm", findings.rescue_and_harm(pd.concat(by_champion)).reindex(columns=told.columns)
-    )
+            by_champion.append(trials.assign(succeeds=2 * of[name] > repeats, **NO_ENDS))
+    own = findings.rescue_and_harm(pd.concat(by_champion)).reindex(columns=told.columns)
+    committed(f"{folder}/rescue_and_harm", own.assign(**{name: told[name] for name in ENDS if name in told}))
 
 
 class Committed:
