@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from epuckhebb.analysis import charts, ends, findings
+from epuckhebb.analysis import end_charts, ends, findings
 from epuckhebb.analysis.evaluate import COLUMNS
 from epuckhebb.analysis.lifetimes import numeric
 from epuckhebb.config import EvaluateConfig, load
@@ -244,7 +244,7 @@ def test_rescue_stands_beside_the_ends_of_the_broken():
 
 
 def test_the_picture_has_a_bar_of_all_trials_for_each_controller():
-    figure = charts.ends(ends.tables(ROWS)["ends"])
+    figure = end_charts.ends(ends.tables(ROWS)["ends"])
     bright, dim = figure.axes
     assert bright.get_title() == "bright light (training)\nn = 6 trials"
     assert [label.get_text() for label in bright.get_yticklabels()] == ["no plasticity", "paper's rule"]
@@ -257,7 +257,7 @@ def test_the_picture_begins_a_row_for_each_experiment_and_names_what_differs():
     other = ROWS.assign(experiment="obstacles", scenario="base")
     rows = pd.concat([ROWS[ROWS.scenario == "lowlight"], other[ROWS.scenario == "lowlight"]], ignore_index=True)
     rows = pd.concat([rows.assign(task=name) for name in "xy"], ignore_index=True)
-    light, obstacles = charts.ends(ends.tables(rows, ["task"])["ends"]).axes
+    light, obstacles = end_charts.ends(ends.tables(rows, ["task"])["ends"]).axes
     assert obstacles.get_title().startswith("no obstacles (training)")
     names = [label.get_text() for label in light.get_yticklabels()]
     assert names == ["no plasticity, task x", "paper's rule, task x", "no plasticity, task y", "paper's rule, task y"]

@@ -379,3 +379,17 @@ def test_which_end_is_chance():
     assert numbers[8:10] == pytest.approx([sum(drawn[:5]) / 5, sum(drawn[5:]) / 5], abs=0.5)
     assert numbers[10] == both.all(axis=1).sum()
     assert numbers[11] == pytest.approx(both.left.sum() * both.right.sum() / 110, abs=0.05)
+
+
+def test_who_is_sooner(outcomes):
+    """Where all arrive: whether the rule is sooner than shuffled signs; all flipped signs are listed."""
+    time = [
+        outcomes["obstacles", "base", *one].time_to_goal_s for one in (("Hebbian", 1.5e-5), ("shuffled signs", 1.5e-5))
+    ]
+    known = time[0].notna() & time[1].notna() & outcomes["obstacles", "base", "GA", 0.0].time_to_goal_s.notna()
+    sooner = np.sign(time[1] - time[0])[known]
+    assert ((sooner > 0).sum(), len(sooner)) == (25, 37)
+    sums = sooner.groupby("genome").sum().to_numpy()
+    flipped = np.array(np.meshgrid(*[[-1, 1]] * np.count_nonzero(sums))).reshape(np.count_nonzero(sums), -1)
+    p = (np.abs(sums[sums != 0] @ flipped) >= abs(sums.sum())).mean()
+    assert p == 0.0390625

@@ -56,10 +56,10 @@ def trials(rows: pd.DataFrame, settings: Sequence[str] = ()) -> pd.DataFrame:
     in_training = alone[alone.scenario == alone.experiment.map(TRAINED)].set_index(trial).succeeds
     if any(key in _OF_SCENARIO or key.startswith("scenario.") for key in world):
         in_training = in_training[:0]
-    solved = in_training.reindex(pd.MultiIndex.from_frame(each[trial])).to_numpy()
-    stays = here.reindex(pd.MultiIndex.from_frame(each[[*trial, "scenario"]])).to_numpy()
-    fates = [solved == False, stays == True, stays == False]  # noqa: E712  # where unknown, none is so
-    each["fate"] = np.where(pd.isna(solved), "", np.select(fates, [UNSOLVED, INTACT, BROKEN], ""))
+    solved = in_training.reindex(pd.MultiIndex.from_frame(each[trial]))
+    stays = here.reindex(pd.MultiIndex.from_frame(each[[*trial, "scenario"]]))
+    fates = [solved.isna(), solved.eq(False), stays.eq(True), stays.eq(False)]
+    each["fate"] = np.select([fate.to_numpy() for fate in fates], ["", UNSOLVED, INTACT, BROKEN], "")
     more = [key for key in conditions if key not in _CELL]
     return each[[*more, *_CELL, *findings.TRIAL, "end", "arrived", "fate"]]
 

@@ -161,7 +161,7 @@ def figures_of(
     genes (234,), and the live fitness. world: gives the scenario of a name and its lifetime. histories: for each
     experiment the histories of its champions; empty for a given genome. seed: of the noise.
     """
-    from epuckhebb.analysis import charts, figures  # matplotlib takes a while to load
+    from epuckhebb.analysis import charts, end_charts, figures  # matplotlib takes a while to load
 
     made: dict[str, Figure] = {}
 
@@ -198,7 +198,7 @@ def figures_of(
         caption = (
             "Where trials end at the paper's rates: shares of right end, wrong end and elsewhere, n in each title."
         )
-        add("ends", charts.ends(_at_paper_rates(tables["ends"])), caption)
+        add("ends", end_charts.ends(_at_paper_rates(tables["ends"])), caption)
         caption = "Learning curves: best and mean fitness, median and quartiles of the evolutions."
         add("learning_curves", charts.learning_curves(dict(sorted(histories.items(), reverse=True))), caption)
     return made

@@ -240,7 +240,7 @@ def bootstrap(
     return (float(low), float(high)) if low < high else _UNKNOWN
 
 
-@functools.lru_cache(maxsize=8)
+@functools.lru_cache(maxsize=16)  # all portions of 150 champions, 120 MB
 def _counts(champions: int, resamples: int, seed: int, part: int) -> NDArray[np.float64]:
     """How often each champion is in each resample, (resamples, champions)."""
     drawn = random.rng(seed, Stream.bootstrap, part).integers(0, champions, (resamples, champions))

@@ -233,7 +233,7 @@ def _ways(runs: Sequence[Path]) -> list[tuple[Mapping[str, Any], list[pd.DataFra
 
 def figures(run: Run) -> dict[str, "Figure"]:
     """The figures of the tables over all runs in a folder of a sweep or a multirun."""
-    from epuckhebb.analysis import charts  # matplotlib takes a while to load
+    from epuckhebb.analysis import charts, end_charts  # matplotlib takes a while to load
 
     if (runs := _finished(of_multirun(run.path))) and Run(runs[0]).has(_HISTORY):
         ways = {" ".join(f"{key}={value}" for key, value in way.items()): own for way, own in _ways(runs)}
@@ -244,7 +244,7 @@ def figures(run: Run) -> dict[str, "Figure"]:
             "rescue_over_all.csv",
             lambda rows: charts.rescue_and_harm(rows, run.table("rescue_and_harm.csv")),
         ),
-        "ends": ("ends.csv", charts.ends),
+        "ends": ("ends.csv", end_charts.ends),
         "returns": ("effects.csv", lambda _: charts.returns(run.table("summary.csv"))),
     }
     return {name: draw(run.table(file)) for name, (file, draw) in drawn.items() if run.has(file)}

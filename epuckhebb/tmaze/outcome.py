@@ -78,7 +78,7 @@ class OutcomeOfTrials(Outcome):
 
     @property
     def end(self) -> None:
-        """See `Outcome`."""
+        """No end: a lifetime of many trials has one in each."""
 
     @property
     def trials(self) -> NDArray[np.void]:
