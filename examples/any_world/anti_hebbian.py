@@ -15,7 +15,7 @@ from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.wirings.elman import Elman
 
-WORLDS = {  # environment: scale of its readings, returns of competent networks, what changes in the middle
+WORLDS = {  # environment: scale of its readings, returns of competent networks, what changes
     "CartPole-v1": ([2.4, 2.0, 0.21, 2.0], (50, 450), {"gravity": 19.6, "length": 1.0, "masspole": 0.3}),
     "Acrobot-v1": ([1, 1, 1, 1, 3, 5], (-450, -100), {"LINK_MASS_1": 2.0, "LINK_MASS_2": 2.0}),
 }
@@ -33,24 +33,25 @@ class Hebb(epuckhebb.Rule):
         return correlation
 
 
-def mean_return(env, controller, world, episodes, *, changes=False):
-    """The mean return over episodes, by their seeds."""
+def lifetimes(env, controller, world, episodes, change_at=STEPS):
+    """The mean return over episodes, by their seeds; their mean number of steps; the share that reached the change."""
     scale, _, change = WORLDS[world]
-    returns = []
+    returns, steps = [], []
     for seed in episodes:
         observation, _ = env.reset(seed=seed)
         controller.reset(seed)
         before = {name: getattr(env.unwrapped, name) for name in change}
         total, step, is_over = 0.0, 0, False
         while not is_over and step < STEPS:
-            if changes and step == STEPS // 2:
+            if step == change_at:
                 _set(env.unwrapped, change)
             readings = np.clip(np.asarray(observation, float) / scale, -3, 3)
             observation, reward, is_over, *_ = env.step(int(np.argmax(controller.act(readings))))
             total, step = total + reward, step + 1
         _set(env.unwrapped, before)
         returns.append(total)
-    return float(np.mean(returns))
+        steps.append(step)
+    return np.mean(returns), np.mean(steps), np.mean(np.array(steps) > change_at)
 
 
 def _set(env, values):
@@ -67,7 +68,7 @@ class AntiHebbian(epuckhebb.Study):
     worlds: list[str] = field(default_factory=lambda: list(WORLDS))
     networks: int = 500
     block: int = 25
-    rates: list[float] = field(default_factory=lambda: [0.0001, 0.001, 0.01, 0.1])
+    rates: list[float] = field(default_factory=lambda: [0.00001, 0.00003, 0.0001, 0.001, 0.01])
     episodes: int = 8
 
     def plan(self):
@@ -95,22 +96,25 @@ class AntiHebbian(epuckhebb.Study):
         while found < job["networks"]:
             weights = np.clip(rng.normal(size=network.synapses), -2, 2)
             plain = epuckhebb.Controller(weights, network)
-            if mean_return(env, plain, world, seeds(SELECT, 2)) < least:
+            if lifetimes(env, plain, world, seeds(SELECT, 2))[0] < least:
                 continue
-            if not least <= mean_return(env, plain, world, seeds(SELECT)) <= most:
+            if not least <= lifetimes(env, plain, world, seeds(SELECT))[0] <= most:
                 continue
             found += 1
             for purpose in (CHOOSE, FRESH):
-                for changes in (False, True):
+                base, steps, _ = lifetimes(env, plain, world, seeds(purpose))
+                for change_at in (STEPS, round(steps / 2)):  # never, or in the middle of its mean lifetime
                     row = {"world": world, "network": 1000 * job["number"] + found, "purpose": purpose}
-                    row["change"] = changes
-                    base = mean_return(env, plain, world, seeds(purpose), changes=changes)
+                    row["change"] = change_at < STEPS
+                    if row["change"]:
+                        base, _, _ = lifetimes(env, plain, world, seeds(purpose), change_at)
                     for sign in ("hebbian", "anti"):
                         for rate in job["rates"]:
                             rule = Hebb(N=rate, floor=1.0, sign=Sign[sign])
                             controller = epuckhebb.Controller(weights, network, rule)
-                            gain = mean_return(env, controller, world, seeds(purpose), changes=changes) - base
-                            rows.append({**row, "sign": sign, "rate": rate, "base": base, "gain": gain})
+                            total, _, reached = lifetimes(env, controller, world, seeds(purpose), change_at)
+                            result = {"sign": sign, "rate": rate, "base": base, "gain": total - base}
+                            rows.append({**row, **result, "reached": reached})
         return {"networks": pd.DataFrame(rows)}
 
     def tables(self, runs):
@@ -123,8 +127,9 @@ class AntiHebbian(epuckhebb.Study):
         for (world, change), own in rows.groupby(["world", "change"], sort=False):
             means = own[own.purpose == CHOOSE].groupby(["sign", "rate"]).gain.mean()
             best = {sign: means[sign].idxmax() for sign in ("hebbian", "anti")}
-            fresh = own[own.purpose == FRESH].set_index(["sign", "rate", "network"]).gain.sort_index()
-            pairs = pd.DataFrame({f"gain_{sign}": fresh[sign, best[sign]] for sign in ("hebbian", "anti")})
+            fresh = own[own.purpose == FRESH].set_index(["sign", "rate", "network"]).sort_index()
+            pairs = pd.DataFrame({f"gain_{sign}": fresh.gain[sign, best[sign]] for sign in best})
+            reached = pd.concat(fresh.reached[sign, best[sign]] for sign in best).mean()
             gains.append(pairs.reset_index().assign(world=world, change=change))
             hebb, anti = pairs.to_numpy().T
             spread = np.sqrt((hebb.var(ddof=1) + anti.var(ddof=1)) / 2) or np.nan
@@ -135,6 +140,7 @@ class AntiHebbian(epuckhebb.Study):
                     "world": world,
                     "change": change,
                     "networks": len(hebb),
+                    "reached": reached if change else np.nan,
                     "rate_hebbian": best["hebbian"],
                     "rate_anti": best["anti"],
                     "gain_hebbian": hebb.mean(),
