@@ -7,9 +7,10 @@ import pytest
 from epuckhebb.analysis import charts, summary, tables
 from epuckhebb.analysis import evaluate as analysis
 from epuckhebb.analysis.evaluate import COLUMNS
+from epuckhebb.analysis.paper_table import PaperTable, mean, saturation
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.controller.plasticity.weight_change import saturated_fraction
-from epuckhebb.store import as_bytes
+from epuckhebb.store.rows import as_csv
 from epuckhebb.tmaze.individual import Controller
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.scenario import Scenario
@@ -81,25 +82,34 @@ def test_traces_are_of_the_first_repeat(evaluated):
 
 def test_table_in_the_papers_layout(evaluated, golden):
     rows, _ = evaluated
-    table = tables.paper_table(rows)
-    golden("table.csv", as_bytes(tables.flat(table.round(9))).decode())
-    golden("table.md", tables.to_markdown(table))
+    table = PaperTable.of(rows.to_dict("records"))
+    golden(
+        "table.csv", as_csv([{k: v if k == "metric" else round(v, 9) for k, v in row.items()} for row in table.rows])
+    )
+    golden("table.md", table.markdown())
 
 
 def test_time_to_goal_is_the_mean_of_those_that_arrived(evaluated):
     rows = evaluated[0].copy()
     rows["time_to_goal_s"] = np.nan
     rows.loc[rows.index[0], "time_to_goal_s"] = 12.5
-    assert [*tables.formatted(tables.paper_table(rows)).loc["Time-to-Goal (s)"]] == ["12.50", "–", "–", "–"]
+    table = PaperTable.of(rows.to_dict("records")).readable()
+    assert [row[3] for row in table.rows] == ["12.50", "–", "–", "–"]
 
 
 def test_saturated_weights_are_counted():
     bound = 2.0
     assert saturated_fraction(np.array([0.0, 1.98, 1.991, -2.0]), bound) == 0.5
     shares = {"GA": 0.9, "mild": 0.5, "Hebbian": 0.872}
-    rows = pd.DataFrame({"controller": shares.keys(), "saturated_fraction": shares.values()})
-    assert "87 % (Hebbian)." in tables.saturation(rows)
-    assert tables.saturation(rows[:2]) == ""
+    rows = [{"controller": name, "saturated_fraction": share} for name, share in shares.items()]
+    assert "87 % (Hebbian)." in saturation(rows)
+    assert saturation(rows[:2]) == ""
+
+
+def test_means_of_the_papers_table_are_rounded_once():
+    assert mean([0.1] * 10) == 0.1
+    assert mean([1e16, None, 1.0, -1e16, np.nan]) == 1 / 3
+    assert np.isnan(mean([None, np.nan]))
 
 
 def test_weights_end_at_their_bound_at_a_large_rate():

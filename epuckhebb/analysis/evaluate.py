@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.adaptation.nominal import Nominal
+from epuckhebb.analysis.tables import Rows
 from epuckhebb.controller import random
 from epuckhebb.controller.genome import GenomePlan, plan_of
 from epuckhebb.controller.network import PAPER_NETWORK, Network
@@ -37,7 +38,6 @@ MEANS = (*_FIRST, *_LATER)
 COLUMNS = (*_CONDITION, *_REPEAT, "success", *_FIRST, "changed", *_LATER, "end")
 REWARDED = ("rewarded_share", "switch_trial")  # more columns, where a lifetime is many trials
 _TRIAL_OF = ("genome", "controller", *_REPEAT)
-Rows = list[dict[str, Any]]  # of a table; pandas takes a tenth of a second to load, and one evaluation needs none
 TRIALS = (*_TRIAL_OF, "trial", "rewarded_side", "reached_side", "rewarded", "time_s")
 
 

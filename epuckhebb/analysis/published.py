@@ -7,7 +7,8 @@ import numpy as np
 import pandas as pd
 
 from epuckhebb.analysis.findings import PAPER_N
-from epuckhebb.analysis.tables import NEW_LINE, ROWS, Table
+from epuckhebb.analysis.paper_table import METRICS
+from epuckhebb.analysis.tables import NEW_LINE, Table
 from epuckhebb.tmaze.individual import GA
 from epuckhebb.tmaze.maze import SIDES
 
@@ -27,7 +28,7 @@ def published_values(tables: Mapping[str, Any]) -> pd.DataFrame:
         if name != "success_elsewhere"
         for cell in table["cells"]
         for side in SIDES
-        for metric in ROWS.values()
+        for metric in METRICS.values()
     )
 
 
@@ -80,7 +81,7 @@ def table(comparison: pd.DataFrame, *, of_all: bool) -> Table:
     columns = comparison[CELL].drop_duplicates()
     head = ["", *(f"{c.scenario}{NEW_LINE}{c.controller} {c.side}" for c in columns.itertuples())]
     lines = []
-    for row, metric in ROWS.items():
+    for row, metric in METRICS.items():
         of_metric = comparison[comparison.metric == metric].set_index(CELL)
         if not len(of_metric):
             continue

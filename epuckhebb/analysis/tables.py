@@ -1,4 +1,4 @@
-"""Tables to read, in Markdown or in the terminal; the paper's: a row a metric, a column a controller and side."""
+"""Tables to read, in Markdown or in the terminal, and names and numbers in them."""
 
 import math
 import re
@@ -6,66 +6,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-import pandas as pd
-
-from epuckhebb.tmaze.individual import GA
-
-ROWS: Mapping[str, str] = {
-    "Success": "success",
-    "Time-to-Goal (s)": "time_to_goal_s",
-    "Path Length (m)": "path_length_m",
-    "Average Speed (m/s)": "average_speed_m_s",
-    "Final Position Error (m)": "final_position_error_m",
-    "Weight Change Mean": "weight_change_mean",
-}
+Rows = list[dict[str, Any]]  # of a table, None or nan in cells without a value; pandas takes a while to load
 BAR = r"\|"
 NEW_LINE = "<br>"  # in a cell of a table in Markdown
 _SIGNS = re.compile(r"[\\`*<>&\[\]~$#]|(?<!\w)_|_(?!\w)")  # Markdown shows an underscore within a word as it is
-_DECIMALS = {"Success": 2, "Time-to-Goal (s)": 2}
-
-
-def paper_table(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Means over the repeats, in the paper's layout: a row for each metric of `ROWS`, a column a controller and side.
-
-    Success is the share of lifetimes that end at the goal. The time to the goal is a mean over those that reach it.
-    The GA has no weight change. metrics: a row a lifetime.
-    """
-    place = ["controller", "side"]
-    means = metrics.astype(dict.fromkeys(ROWS.values(), float)).groupby(place, sort=False)[list(ROWS.values())].mean()
-    means.loc[means.index.get_level_values("controller") == GA, "weight_change_mean"] = np.nan
-    return means.set_axis(pd.Index(ROWS, name="metric"), axis=1).T
-
-
-def formatted(table: pd.DataFrame) -> pd.DataFrame:
-    """The same table as text, with the paper's decimals and a dash where there is no value."""
-
-    def text(row: str, value: float) -> str:
-        if math.isnan(value):
-            return "–"
-        if row == "Weight Change Mean":
-            return f"{value:#.4g}".rstrip(".")
-        return f"{value:.{_DECIMALS.get(row, 4)}f}"
-
-    return table.apply(lambda means: pd.Series({row: text(str(row), value) for row, value in means.items()}))
-
-
-def saturation(metrics: pd.DataFrame) -> str:
-    """A line on the controllers with more than half of their weights saturated at the end; empty without such."""
-    shares = metrics[metrics.controller != GA].groupby("controller", sort=False).saturated_fraction.mean()
-    named = ", ".join(f"{100 * share:.0f} % ({name})" for name, share in shares[shares > 0.5].items())
-    return f"More than half of the weights end at their bound: {named}." if named else ""
-
-
-def flat(table: pd.DataFrame) -> pd.DataFrame:
-    """The table as that of a CSV file: metric, then `<controller> <side>` for each column."""
-    return table.set_axis([" ".join(place) for place in table], axis=1).reset_index()
-
-
-def to_markdown(table: pd.DataFrame) -> str:
-    """The table in Markdown."""
-    rows = [[f"**{row}**", *cells] for row, cells in zip(table.index, formatted(table).to_numpy(), strict=True)]
-    return Table(["", *(plain(" ".join(place)) for place in table)], rows, numbers=True).markdown()
 
 
 @dataclass(frozen=True)

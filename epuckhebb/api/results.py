@@ -11,9 +11,10 @@ import pandas as pd
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from epuckhebb.analysis import figures, reversal, tables
+from epuckhebb.analysis import figures, reversal
 from epuckhebb.analysis.evaluate import TRIALS, Traces
 from epuckhebb.analysis.image import image
+from epuckhebb.analysis.paper_table import PaperTable
 from epuckhebb.config import EvaluateConfig
 from epuckhebb.export.replay import Recording, page_of
 from epuckhebb.live.server import Play
@@ -92,7 +93,8 @@ class Evaluation:
         task = self.config.world.task
         if task.has_trials:
             return reversal.table(self.metrics, self.trials, task, self.config.seed).set_index("controller")
-        return tables.paper_table(self.metrics)
+        means = pd.DataFrame(PaperTable.of(self.metrics.to_dict("records")).means)
+        return means.rename_axis("metric").rename_axis(["controller", "side"], axis=1)
 
     @cached_property
     def traces(self) -> dict[str, NDArray[Any]]:

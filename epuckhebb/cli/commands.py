@@ -55,7 +55,7 @@ def run_command(
     check_words(name, words, several=multirun)
     if not options.cfg:
         hydra.check(name, words, config_dir, prepare, multirun=multirun)
-    runs = hydra.run(name, job, [*words, *flags], config_dir)
+    runs = hydra.run(name, job, [*words, *flags], config_dir, reporter(options))
     if multirun and runs:
         from epuckhebb.studies.sweep import write_summary_of_multirun
 
@@ -64,8 +64,15 @@ def run_command(
         print_runs(command, runs, options)
 
 
+def reporter(output: Output) -> Callable[[Path], None]:
+    """The function that prints the results of one run as soon as its tables are there."""
+    from epuckhebb.cli import show
+
+    return lambda path: output.print_text(lambda console: show.print_results(path, console))
+
+
 def print_runs(command: str, runs: list[Path], output: Output) -> None:
-    """Print the results of the runs of one call."""
+    """Print the results of the runs of one call, but as text those of many alone: one has printed them."""
     from epuckhebb.cli import show
 
     output.print(
@@ -113,7 +120,7 @@ def evolve(overrides: Overrides = None, *, options: RunOptions) -> None:
     if any(word.startswith("resume=") for word in words):
         if options.multirun or options.cfg or options.config_dir:
             raise ConfigError("resume=RUN goes on with the settings of RUN: no -m, --cfg or --config-dir with it")
-        print_runs("evolve", [resume(words)], options)
+        print_runs("evolve", [resume(words, reporter(options))], options)
         return
 
     run_command("evolve", evolve_job, lambda config: prepare_evolution(config).compile(), words, options)

@@ -83,10 +83,16 @@ class Output:
 
     def print(self, values: Callable[[], Any], print_text: Callable[[Console], None]) -> None:
         """Print a result: as JSON, as text, or not at all."""
-        with redirect_stdout(self.stream):
-            if self.as_json:
+        if self.as_json:
+            with redirect_stdout(self.stream):
                 typer.echo(json_text(values()))
-            elif not self.quiet:
+        else:
+            self.print_text(print_text)
+
+    def print_text(self, print_text: Callable[[Console], None]) -> None:
+        """Print a part of a result as text, unless JSON or nothing is wanted."""
+        if not (self.as_json or self.quiet):
+            with redirect_stdout(self.stream):
                 print_text(Terminal())
 
 

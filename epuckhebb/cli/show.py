@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.text import Text
 
-from epuckhebb.analysis import environments, reversal, tables
-from epuckhebb.analysis.evaluate import Rows
-from epuckhebb.analysis.tables import unmarked
+from epuckhebb.analysis import tables
+from epuckhebb.analysis.paper_table import PaperTable, saturation
+from epuckhebb.analysis.tables import Rows, unmarked
 from epuckhebb.cli.console import print_line, print_table, print_text
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Genome, Run, below_runs, load_genome, of_multirun, resolve_run
@@ -29,17 +29,18 @@ def print_evaluation(run: Run, console: Console) -> None:
         first, repeats = metrics[0], len({row["repeat"] for row in metrics})
         world = f"{first['environment']}, {first['change'] or 'nothing changes'}"
         title = f"{world}: genome {first['genome']}, {repeats} lifetimes (seed {first['seed']})"
+        from epuckhebb.analysis import environments  # pandas takes a while to load
+
         rows = run.table("table.csv")
         _print(environments.readable(rows, title), console)
         below = [*below, *(environments.unreached(rows) if first["change"] else ())]
     elif run.has("reversal.csv"):
+        from epuckhebb.analysis import reversal  # pandas takes a while to load
+
         _print(reversal.readable(run.table("reversal.csv"), _title(metrics)).only(0, 1, 2), console)
     else:
-        own = run.table("metrics.csv")
-        text = tables.formatted(tables.paper_table(own))
-        rows = [(*place, *text[place]) for place in text]
-        print_table(console, _title(metrics), ("controller", "side", *tables.ROWS), rows, text=2)
-        if saturated := tables.saturation(own):
+        _print(PaperTable.of(metrics).readable(_title(metrics)), console)
+        if saturated := saturation(metrics):
             print_line(console, saturated)
         drove_on = sum(row["success"] == 0 and (row["time_to_goal_s"] or math.nan) > 0 for row in metrics)
         if drove_on:
@@ -122,11 +123,10 @@ def print_study(study: "type[Study]", path: Path, console: Console) -> None:
 
 
 def print_finished(finished: list[Path], console: Console) -> None:
-    """Print the results of the runs of one call."""
+    """Print the results of the runs of one call, or where the only one is, whose results have been printed."""
     if len(finished) > 1:
         _print_multirun(finished, console)
     elif finished:
-        print_results(finished[0], console)
         print_line(console, f"Run folder: {finished[0]}")
 
 
@@ -199,8 +199,8 @@ def _in_short(path: Path) -> str:
         return "finished"
     if run.has("lifetime.csv"):
         return "return: " + ", ".join(f"{row['controller']} {row['return']:.0f}" for row in run.rows("table.csv"))
-    success = tables.paper_table(run.table("metrics.csv")).loc["Success"]
-    return "success: " + ", ".join(f"{name} {side} {share:.2f}" for (name, side), share in success.items())
+    means = PaperTable.of(run.rows("metrics.csv")).means
+    return "success: " + ", ".join(f"{name} {side} {column['Success']:.2f}" for (name, side), column in means.items())
 
 
 def _print_run(path: Path, console: Console) -> None:

@@ -18,8 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.analysis import environments as analysis
-from epuckhebb.analysis.tables import plain
+from epuckhebb.analysis.tables import Rows, plain
 from epuckhebb.config import (
     EnvironmentConfig,
     EvaluateEnvironment,
@@ -37,7 +36,7 @@ from epuckhebb.controller.random import Stream
 from epuckhebb.evolution.evolve import Generation, search_generations
 from epuckhebb.evolution.search import check_start
 from epuckhebb.runs import hydra
-from epuckhebb.runs.evaluate import check_rules, compiling, prepare_evaluation, write_figure
+from epuckhebb.runs.evaluate import Figures, check_rules, compiling, prepare_evaluation
 from epuckhebb.runs.evolve import PreparedEvolution, prepare_evolution
 from epuckhebb.runtime import ConfigError, refusing
 from epuckhebb.store import Genome, RunFolder, digest, load_genome
@@ -242,8 +241,8 @@ class PreparedEnvironmentEvaluation:
             for repeat in repeats
         ]
 
-    def run(self, threads: int) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-        """Run the lifetimes: a row each, and rows of what happened over a lifetime."""
+    def run(self, threads: int) -> tuple[Rows, list[Lived]]:
+        """Run the lifetimes, and a row of each."""
         config, works = self.config, self.works(range(self.config.repeats))
         lives = [lived for (lived,) in run_lifetimes(config, works, threads)]
         names = [config.controllers[work.number] for work in works]
@@ -261,21 +260,25 @@ class PreparedEnvironmentEvaluation:
             }
             for number, (tested, lived) in enumerate(zip(names, lives, strict=True))
         ]
-        return rows, analysis.over_lifetime([tested.name for tested in names], lives, config.environment.horizon)
+        return rows, lives
 
-    def write(self, run: RunFolder, nominal: None, threads: int) -> None:  # noqa: ARG002  # others have one
-        """Run the lifetimes, and write their tables, and last their figure."""
-        import pandas as pd  # takes a while to load, as does all that draws
+    def write(self, run: RunFolder, nominal: None, threads: int) -> Figures:  # noqa: ARG002  # others have one
+        """Run the lifetimes, and write their tables. Returns what its figure needs."""
+        import pandas as pd  # takes a while to load
 
-        rows, course = self.run(threads)
+        from epuckhebb.analysis import environments as analysis
+
+        rows, lives = self.run(threads)
+        names = [row["controller"] for row in rows]
+        course = analysis.over_lifetime(names, lives, self.config.environment.horizon)
         metrics = pd.DataFrame(rows)
         table = analysis.table(metrics)
-        run.write("metrics.csv", metrics)
-        run.write("lifetime.csv", pd.DataFrame(course))
+        run.write("metrics.csv", rows)
+        run.write("lifetime.csv", course)
         run.write("table.csv", table)
         below = [*self.notes, *(analysis.unreached(table) if self.config.environment.changes else ())]
         run.write("table.md", "\n".join([analysis.readable(table).markdown(), *(f"{plain(note)}\n" for note in below)]))
-        write_figure(run, "lifetime", self.config, self.genome.name, pd.DataFrame(course))
+        return {"lifetime": (pd.DataFrame(course),)}
 
 
 @prepare_evaluation.register

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from epuckhebb.adaptation.nominal import Nominal, measure_nominal
-from epuckhebb.analysis import tables
-from epuckhebb.analysis.evaluate import Rows, Traces, evaluate
+from epuckhebb.analysis.evaluate import Traces, evaluate
+from epuckhebb.analysis.paper_table import PaperTable, saturation
+from epuckhebb.analysis.tables import Rows, plain
 from epuckhebb.config import (
     KINDS,
     Checked,
@@ -36,6 +37,7 @@ from epuckhebb.controller.plasticity.control import MOST_KEPT, Control
 from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, Rule, evolved_sizes
 from epuckhebb.controller.wiring import LAYERS, Wiring
 from epuckhebb.runs import hydra
+from epuckhebb.runs.hydra import Report, unreported
 from epuckhebb.runs.notes import notes_of
 from epuckhebb.runtime import LATEST, ConfigError, data_folder, refusing, saying_if_slow
 from epuckhebb.store import (
@@ -55,6 +57,8 @@ from epuckhebb.tmaze.robot import EPUCK, STEP_S
 from epuckhebb.tmaze.scenario import TRAINED, Scenario
 from epuckhebb.tmaze.session import LostRobotError
 from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
+
+Figures = dict[str, tuple[Any, ...]]  # functions of `runs.figures` by name, with what they draw
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,32 +127,33 @@ class PreparedEvaluation:
         """Load or compile what the lifetimes need."""
         compile_for(self.config.controllers, self.genome.network, self.config.world)
 
-    def write(self, run: RunFolder, nominal: Nominal | None, threads: int) -> None:
-        """Run the lifetimes, and write their tables, their traces, and last their figures."""
-        import pandas as pd  # takes a while to load, as does all that draws
-
-        config, genome = self.config, self.genome
+    def write(self, run: RunFolder, nominal: Nominal | None, threads: int) -> Figures:
+        """Run the lifetimes, and write their tables and traces. Returns what its figures need."""
+        config, genome, figures = self.config, self.genome, Figures()
         if config.scenario.hand is not None:
             run.write(hand.NAME, hand.content(config.scenario.hand))
         metrics, traces = self.run(nominal, threads)
-        lives = pd.DataFrame(metrics)
-        run.write("metrics.csv", lives)
+        run.write("metrics.csv", metrics)
+        if config.lifetime.record_every:
+            run.write("traces.npz", as_npz(traces_arrays(traces, genome.weights, genome.network)))
         if config.world.task.has_trials:
+            import pandas as pd  # takes a while to load
+
             from epuckhebb.analysis import reversal
 
             trials = pd.DataFrame(traces.trials)
-            shares = reversal.table(lives, trials, config.world.task, config.seed)
+            shares = reversal.table(pd.DataFrame(metrics), trials, config.world.task, config.seed)
             run.write("reversal_trials.csv", trials)
             run.write("reversal.csv", shares)
             run.write("reversal.md", reversal.readable(shares).markdown())
-            write_figure(run, "reversal", config, genome.name, shares, trials)
+            figures["reversal"] = shares, trials
         else:
-            table, below = tables.paper_table(lives), [*map(tables.plain, self.notes), tables.saturation(lives)]
-            run.write("table.csv", tables.flat(table))
-            run.write("table.md", "\n".join([tables.to_markdown(table), *(f"{note}\n" for note in below if note)]))
+            table, below = PaperTable.of(metrics), [*map(plain, self.notes), saturation(metrics)]
+            run.write("table.csv", table.rows)
+            run.write("table.md", "\n".join([table.markdown(), *(f"{note}\n" for note in below if note)]))
         if config.lifetime.record_every:
-            run.write("traces.npz", as_npz(traces_arrays(traces, genome.weights, genome.network)))
-            write_figure(run, "trajectories", config, genome.name, traces)
+            figures["trajectories"] = (traces,)
+        return figures
 
     @property
     def lifetime_ids(self) -> dict[str, str]:
@@ -241,7 +246,7 @@ def prepare_evaluation(config: Any, genome: Genome | None = None) -> Any:
 
 def evaluate_job(job: hydra.Job) -> None:
     """Evaluate into the folder of a job."""
-    evaluate_into(job.path, job.config, job.overrides, job.facts, threads=job.threads)
+    evaluate_into(job.path, job.config, job.overrides, job.facts, threads=job.threads, report=job.report)
 
 
 def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:
@@ -301,20 +306,29 @@ def compile_for(controllers: Sequence[Controller], network: Network, world: Scen
                 load_kernel(controller, network, world, weight_path=has_control(controllers))
 
 
-def write_figure(run: RunFolder, name: str, config: Any, *given: Any) -> None:
-    """Write a figure of a run, unless its settings have none. name: of a function of `runs.figures`, for `given`."""
+def draw(run: RunFolder, config: Any, name: str, figures: Figures) -> None:
+    """Draw the figures of a run, unless its settings have none. name: of the genome or the optimizer."""
     kind = config.figures.value
-    if kind != "none":
+    if kind != "none" and figures:
         from epuckhebb.analysis.image import image
-        from epuckhebb.runs import figures  # matplotlib takes a while to load
+        from epuckhebb.runs import figures as functions  # matplotlib takes a while to load
 
-        run.write(f"figures/{name}.{kind}", image(vars(figures)[name](config, *given), kind))
+        for figure, drawn in figures.items():
+            run.write(f"figures/{figure}.{kind}", image(vars(functions)[figure](config, name, *drawn), kind))
 
 
-def evaluate_into(path: Path, config: Checked, overrides: list[str], facts: dict[str, Any], *, threads: int) -> None:
-    """Claim a folder and evaluate into it. overrides, facts: as for `RunFolder.new`.
+def evaluate_into(
+    path: Path,
+    config: Checked,
+    overrides: list[str],
+    facts: dict[str, Any],
+    *,
+    threads: int,
+    report: Report = unreported,
+) -> None:
+    """Claim a folder and evaluate into it. overrides, facts: as for `RunFolder.new`. report: as of a `Job`.
 
-    Tables are written before the figure is drawn. If it cannot be drawn, the run has failed, and keeps its tables.
+    Figures come last. If one cannot be drawn, the run has failed, and keeps its tables.
     """
     prepared = prepare_evaluation(config)
     genome, notes = prepared.genome, prepared.notes
@@ -330,4 +344,6 @@ def evaluate_into(path: Path, config: Checked, overrides: list[str], facts: dict
     prepared.compile()
     nominal = prepared.remember(threads)
     with RunFolder.new(path, "evaluate", dump(config), overrides, facts, own_files(config.values)) as run:
-        prepared.write(run, nominal, threads)
+        figures = prepared.write(run, nominal, threads)
+        report(path)
+        draw(run, config, genome.name, figures)

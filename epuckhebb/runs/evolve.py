@@ -35,7 +35,8 @@ from epuckhebb.evolution.evolve import Generation, evolve, training_signs, with_
 from epuckhebb.evolution.optimizer import limits
 from epuckhebb.evolution.search import Results, Search, check_start
 from epuckhebb.runs import hydra
-from epuckhebb.runs.evaluate import check_genome, compile_for, write_figure
+from epuckhebb.runs.evaluate import check_genome, compile_for, draw
+from epuckhebb.runs.hydra import Report, unreported
 from epuckhebb.runtime import ConfigError, bar, path_of, refusing, say, thread_count
 from epuckhebb.store import (
     CHAMPION,
@@ -68,7 +69,7 @@ def evolve_job(job: hydra.Job) -> None:
         say(note)
     facts = {**({"notes": notes} if notes else {}), **job.facts}
     run = new_evolution(job.path, job.config, job.overrides, facts)
-    evolve_into(run, prepared, None, threads=job.threads, quiet=job.in_multirun)
+    evolve_into(run, prepared, None, threads=job.threads, quiet=job.in_multirun, report=job.report)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -247,9 +248,18 @@ def new_evolution(path: Path, config: EvolveConfig, overrides: list[str], facts:
 
 
 def evolve_into(
-    run: RunFolder, prepared: PreparedEvolution, after: Checkpoint | None, *, threads: int, quiet: bool = False
+    run: RunFolder,
+    prepared: PreparedEvolution,
+    after: Checkpoint | None,
+    *,
+    threads: int,
+    quiet: bool = False,
+    report: Report = unreported,
 ) -> None:
-    """Evolve, from the beginning or after a checkpoint, and close the run; show no progress if `quiet`."""
+    """Evolve, from the beginning or after a checkpoint, and close the run.
+
+    quiet: show no progress. report: as of a `Job`.
+    """
     config = prepared.config
 
     def left_behind() -> str:
@@ -273,7 +283,8 @@ def evolve_into(
         run.write(CHAMPION, prepared.champion(last, prepared.nominal(last, threads)))
         for name, table in last.tables.items():
             run.write(f"{name}.csv", table)
-        write_figure(run, "learning", config, config.algorithm.name, Run(run.path).table("history.csv"))
+        report(run.path)
+        draw(run, config, config.algorithm.name, {"learning": (Run(run.path).rows("history.csv"),)})
 
 
 def _write_generation(run: RunFolder, state: Checkpoint, prepared: PreparedEvolution) -> None:
@@ -311,8 +322,8 @@ def earlier_champions(path: Path, shares: Sequence[float]) -> Iterator[tuple[int
         yield int(steps[number]), prepared.fittest(last.generation.log, number)
 
 
-def resume(arguments: list[str]) -> Path:
-    """Resume the evolution that `resume=RUN` names; returns its folder."""
+def resume(arguments: list[str], report: Report = unreported) -> Path:
+    """Resume the evolution that `resume=RUN` names; returns its folder. report: as of a `Job`."""
     named = [argument.removeprefix(RESUME) for argument in arguments if argument.startswith(RESUME)]
     changes = [argument for argument in arguments if not argument.startswith(RESUME)]
     if len(named) != 1 or not named[0]:
@@ -354,7 +365,7 @@ def resume(arguments: list[str]) -> Path:
         say("The program has changed since this evolution began; it may end otherwise than one that never stopped.")
     folder = RunFolder.resume(path, "evolve", dump(config), arguments, {"generations": done}, own)
     say(f"Resuming after {done} of {generations} generations.")
-    evolve_into(folder, prepared, after, threads=thread_count(config.threads))
+    evolve_into(folder, prepared, after, threads=thread_count(config.threads), report=report)
     return path
 
 

@@ -5,6 +5,7 @@ from matplotlib.figure import Figure
 
 from epuckhebb.analysis import charts, figures
 from epuckhebb.analysis.evaluate import Traces
+from epuckhebb.analysis.tables import Rows
 from epuckhebb.config import EvaluateConfig, EvaluateEnvironment, EvolveConfig, EvolveEnvironment
 from epuckhebb.runs.notes import caption
 
@@ -27,7 +28,7 @@ def lifetime(config: EvaluateEnvironment, genome: str, course: pd.DataFrame) -> 
     return charts.lifetime(course, title, changes)
 
 
-def learning(config: EvolveConfig | EvolveEnvironment, optimizer: str, history: pd.DataFrame) -> Figure:
+def learning(config: EvolveConfig | EvolveEnvironment, optimizer: str, history: Rows) -> Figure:
     """Fitness over the generations of an evolution. optimizer: its name."""
     title = f"{config.world.name}, seed {config.seed}, {optimizer}"
-    return charts.learning_curves({title: [history]})
+    return charts.learning_curves({title: [pd.DataFrame(history)]})

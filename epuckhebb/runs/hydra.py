@@ -42,10 +42,18 @@ _CHECKED_IN_FULL = 20  # a longer list of values is checked at its two ends
 _FULL_ERROR = "HYDRA_FULL_ERROR"  # environment variable
 
 
+Report = Callable[[Path], None]  # is called with the folder of a run when its tables are there, before its figures
+
+
+def unreported(_path: Path) -> None:
+    """Report nothing."""
+
+
 class Job(NamedTuple):
     """A job: its folder, configuration and overrides, and the command line that does it alone.
 
-    threads: how many it may use. in_multirun: whether it is one of many.
+    threads: how many it may use. in_multirun: whether it is one of many. report: is called with its folder when its
+    tables are there, before its figures are drawn.
     """
 
     path: Path
@@ -54,6 +62,7 @@ class Job(NamedTuple):
     facts: dict[str, Any]
     threads: int
     in_multirun: bool
+    report: Report = unreported
 
 
 def output_folder() -> Path:
@@ -90,14 +99,20 @@ def check(
         prepare(from_values(settings, SCHEMAS[command], command))
 
 
-def run(command: str, job: Callable[[Job], None], arguments: list[str], config_dir: str | None = None) -> list[Path]:
+def run(
+    command: str,
+    job: Callable[[Job], None],
+    arguments: list[str],
+    config_dir: str | None = None,
+    report: Report = unreported,
+) -> list[Path]:
     """Run a job, or with `--multirun` many, on the configuration that overrides and Hydra's own options describe.
 
     Returns the folders of the runs, in the order of the jobs. command, arguments: as of `for_hydra`. config_dir: a
-    folder with more configuration files.
+    folder with more configuration files. report: of a `Job` that is run alone.
     """
     if not any(argument.startswith("-") for argument in arguments):
-        return [_run_one(command, job, arguments, config_dir)]
+        return [_run_one(command, job, arguments, config_dir, report)]
     task = functools.partial(_job_of_hydra, command, job)
     if "--multirun" not in arguments:
         call(command, task, arguments, config_dir)
@@ -116,7 +131,9 @@ def run(command: str, job: Callable[[Job], None], arguments: list[str], config_d
     return of_multirun(folder)
 
 
-def _run_one(command: str, job: Callable[[Job], None], overrides: list[str], config_dir: str | None) -> Path:
+def _run_one(
+    command: str, job: Callable[[Job], None], overrides: list[str], config_dir: str | None, report: Report
+) -> Path:
     """Run one job in this process; its folder is named when its configuration is complete."""
     for override in overrides:
         is_hydras = override.lstrip("+~").startswith(("hydra.", "hydra/"))
@@ -129,7 +146,7 @@ def _run_one(command: str, job: Callable[[Job], None], overrides: list[str], con
         path = Path(cfg.hydra.run.dir)
     del cfg.hydra
     own = [word for word in overrides if not word.lstrip("+~").startswith(("hydra.", "hydra/"))]
-    job(Job(path, config, own, _facts(command, own, config_dir), thread_count(config.threads), in_multirun=False))
+    job(Job(path, config, own, _facts(command, own, config_dir), thread_count(config.threads), False, report))
     return path
 
 

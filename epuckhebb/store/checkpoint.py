@@ -12,6 +12,7 @@ from epuckhebb.evolution.evolve import Generation, history_row
 from epuckhebb.evolution.search import Results, Search
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store.disk import CHECKPOINT, arrays_of, one_error
+from epuckhebb.store.rows import as_csv
 from epuckhebb.store.run import Run
 
 _MEASURE = "results_"  # before the names of what an optimizer receives beside the fitness
@@ -31,11 +32,8 @@ class Checkpoint:
     @classmethod
     def following(cls, before: "Checkpoint | None", generation: Generation) -> "Checkpoint":
         """The checkpoint after one more generation."""
-        import pandas as pd  # takes a while to load
-
-        row = pd.DataFrame([history_row(generation)])
         written = before.history if before else ""
-        return cls(generation, written + row.to_csv(index=False, header=not written))
+        return cls(generation, written + as_csv([history_row(generation)], header=not written))
 
     def as_bytes(self, settings: str) -> bytes:
         """The content of `checkpoint.npz`; `settings` is a digest of those that make it this evolution."""

@@ -13,11 +13,13 @@ from typing import TYPE_CHECKING, Any, Union
 import yaml
 from filelock import BaseFileLock
 
+from epuckhebb.analysis.tables import Rows
 from epuckhebb.runtime import ConfigError, JobFailedError, is_interruption, open_folders, say
 from epuckhebb.store import disk
 from epuckhebb.store.disk import CONFIG, OVERRIDES, PROVENANCE, SCHEMA, STATUS, as_json
 from epuckhebb.store.lock import LOCK, claim, is_locked, lock, release
 from epuckhebb.store.provenance import provenance
+from epuckhebb.store.rows import as_csv
 from epuckhebb.store.run import Run, of_multirun
 
 if TYPE_CHECKING:
@@ -26,7 +28,7 @@ if TYPE_CHECKING:
     from epuckhebb.config import OwnFile
 
 Own = Mapping[Path, "OwnFile"] | None  # the user's own Python, by path
-Content = Union[bytes, str, list[dict[str, Any]], "pd.DataFrame"]  # of a file; rows and tables become CSV
+Content = Union[bytes, str, Rows, "pd.DataFrame"]  # of a file; rows and tables become CSV
 UNFINISHED = "unfinished"  # folder of a study, with a folder for each attempt at a run
 SET_ASIDE = "set_aside"  # folder of a study for what was in the way, or holds a user's files
 _PATIENCE_S = 1.0  # how long another process may lock a folder just to look whether it is locked
@@ -203,9 +205,7 @@ class RunFolder:
 def as_bytes(content: Content) -> bytes:
     """The content of a file; a table as CSV, with nothing in cells without a value."""
     if isinstance(content, list):
-        import pandas as pd  # takes a while to load
-
-        content = pd.DataFrame(content)
+        return as_csv(content).encode()
     if not isinstance(content, bytes | str):
         content = str(content.to_csv(index=False, lineterminator="\n"))
     return content.encode() if isinstance(content, str) else content

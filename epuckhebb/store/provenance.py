@@ -60,18 +60,13 @@ def provenance(command: str, arguments: list[str]) -> dict[str, Any]:
 @cache
 def _code_version() -> dict[str, Any]:
     """The version of this program and of its science, and its git commit where it runs from a checkout."""
-
-    def git(*words: str) -> str | None:
-        with suppress(OSError, subprocess.SubprocessError):
-            command = ["git", "-C", str(_PACKAGE), *words]
-            environment = {name: value for name, value in os.environ.items() if name not in _PLACES}
-            found = subprocess.run(command, capture_output=True, timeout=5, check=True, text=True, env=environment)
-            return found.stdout.strip()
-        return None
-
     known: dict[str, Any] = {"version": __version__, "science": SCIENCE, "commit": None, "dirty": None}
-    tracked = git("ls-files", "--error-unmatch", "__init__.py") is not None  # or it is installed below a user's project
-    if tracked and (state := git("status", "--porcelain=v2", "--branch", "--", str(_PACKAGE))):
+    if not (_PACKAGE.parent / ".git").exists():  # it is installed, perhaps below a user's project
+        return known
+    command = ["git", "-C", str(_PACKAGE), "status", "--porcelain=v2", "--branch", "--", str(_PACKAGE)]
+    environment = {name: value for name, value in os.environ.items() if name not in _PLACES}
+    with suppress(OSError, subprocess.SubprocessError):
+        state = subprocess.run(command, capture_output=True, timeout=5, check=True, text=True, env=environment).stdout
         commit, *others = state.splitlines()
         known["commit"] = commit.removeprefix("# branch.oid ")
         known["dirty"] = any(not line.startswith("# ") for line in others)

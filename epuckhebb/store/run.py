@@ -7,20 +7,17 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from epuckhebb.analysis.tables import Rows
 from epuckhebb.runtime import LATEST, ConfigError
 from epuckhebb.store import disk
 from epuckhebb.store.disk import CHECKPOINT, CONFIG, PROVENANCE, STATUS, bytes_of, json_of, sha256_of
 from epuckhebb.store.lock import is_locked
+from epuckhebb.store.rows import TEXTS, rows_of
 
 if TYPE_CHECKING:
     import pandas as pd
 
 _RESULTS = (".csv", "champion.npz")  # endings of the files on which other runs and tables rely
-# Columns of text that might look like numbers.
-_TEXTS = (
-    *("genome", "scenario", "controller", "changed", "run", "error", "champion", "test", "tests", "coupling"),
-    *("method", "matched_control", "dead_sensors", "reached_side", "succeeds"),
-)
 
 
 class Run:
@@ -76,14 +73,13 @@ class Run:
 
         with disk.one_error(f"{self.path / name} cannot be read as a table"):
             content = io.BytesIO(self.content(name))
-            texts = dict.fromkeys(_TEXTS, str)
+            texts = dict.fromkeys(TEXTS, str)
             return pd.read_csv(content, keep_default_na=False, na_values=[""], dtype=texts, low_memory=False)
 
-    def rows(self, name: str) -> list[dict[str, Any]]:
+    def rows(self, name: str) -> Rows:
         """The rows of a table, None in cells without a value."""
-        table = self.table(name).astype(object)
-        rows: list[dict[str, Any]] = table.where(table.notna(), None).to_dict("records")
-        return rows
+        with disk.one_error(f"{self.path / name} cannot be read as a table"):
+            return rows_of(self.content(name).decode())
 
     def has(self, name: str) -> bool:
         """Whether a file is there, or should be: then reading it says that it was lost."""

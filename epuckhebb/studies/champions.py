@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.analysis import leaderboard as board
 from epuckhebb.analysis import reproduction
-from epuckhebb.analysis.evaluate import Rows
+from epuckhebb.analysis.tables import Rows
 from epuckhebb.config import (
     EvaluateConfig,
     EvolveConfig,
