@@ -113,6 +113,21 @@ def slow(session: nox.Session) -> None:
 
 
 @nox.session(tags=["heavy"])
+def mistakes(session: nox.Session) -> None:
+    """Make 60 mistakes, one at a time, in a copy of the package: which do no tests notice? `-- SEED COUNT`; hours."""
+    session.install(*group("tests"), "cosmic-ray", STABLE)
+    seed, count, *_ = [*session.posargs, *("1", "60")[len(session.posargs) :]]
+    copy, work = Path(session.create_tmp()) / "copy", Path(session.create_tmp()) / "mistakes.sqlite"
+    session.run("git", "clone", "--quiet", ".", str(copy), external=True)
+    session.install("-e", str(copy))
+    with session.chdir(copy):
+        session.run("cosmic-ray", "init", "tests/mistakes/cosmic-ray.toml", str(work))
+        session.run("python", "tests/mistakes", "draw", str(work), seed, count)
+        session.run("cosmic-ray", "exec", "tests/mistakes/cosmic-ray.toml", str(work))
+        session.run("python", "tests/mistakes", "report", str(work), success_codes=[0, 1])
+
+
+@nox.session(tags=["heavy"])
 def torture(session: nox.Session) -> None:
     """Bad files, parts and words, kills, full disks; another time: `nox -s torture -- --torture-seed 2`."""
     session.install(".", *group("tests"), STABLE)
