@@ -141,9 +141,13 @@ class Reader:
 
 
 def _at(observation: Any, path: tuple[Any, ...]) -> Any:
+    part = observation
     for key in path:
-        observation = observation[key]
-    return observation
+        try:
+            part = part[key]
+        except (IndexError, KeyError, TypeError):
+            raise ValueError(f"an observation must have {'.'.join(map(str, path))}, got {observation!r}") from None
+    return part
 
 
 def _scale(given: Any, count: int) -> Floats:
