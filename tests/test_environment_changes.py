@@ -18,7 +18,7 @@ ASSETS = Path(robots.__file__).parent / "assets"
 def changed(env, *changes):
     """An environment after these changes, which are of one lifetime."""
     env.reset(seed=0)
-    faults = Faults(inputs=4)
+    faults = Faults(readings=["0", "1", "2", "3"])
     for change in changes:
         apply(change, env.unwrapped, faults, {})
     return env
@@ -150,7 +150,7 @@ def test_a_weak_servo_goes_where_a_weak_one_goes(actuator, weak):
     ours, truth = (SERVO.format(actuators=actuator.format(*(f * each for each in weak))) for f in (1.0, 0.5))
     env, compiled = of_model(ours), mujoco.MjModel.from_xml_string(truth)
     before = moved(env.model, [0.7])
-    apply({"joint_strength": {"elbow": 0.5}}, env, Faults(inputs=4), {})
+    apply({"joint_strength": {"elbow": 0.5}}, env, Faults(readings=["0", "1", "2", "3"]), {})
     assert_same(env.model, compiled)
     after = moved(env.model, [0.7])
     np.testing.assert_array_equal(after, moved(compiled, [0.7]))
@@ -162,7 +162,7 @@ def test_motors_of_a_joint_are_those_that_act_on_it():
         '<motor name="pull" tendon="both"/><motor name="push" site="tip" gear="1 0 0 0 0 0"/>'
         '<motor name="one" joint="wrist"/><motor joint="wrist" gear="2"/>'
     )
-    env, faults = of_model(SERVO.format(actuators=motors)), Faults(inputs=4)
+    env, faults = of_model(SERVO.format(actuators=motors)), Faults(readings=["0", "1", "2", "3"])
     apply({"joint_strength": {"wrist": 0.5}}, env, faults, {})
     assert list(env.model.actuator_gear[:, 0]) == [1, 1, 0.5, 1]
     apply({"joint_strength": {"pull": 0.25, "push": 0, "one": 2}}, env, faults, {})
@@ -175,7 +175,7 @@ def test_motors_of_a_joint_are_those_that_act_on_it():
 def test_a_motor_that_is_none_of_the_known_kinds_is_refused():
     env = of_model(SERVO.format(actuators='<general joint="elbow" gaintype="user"/>'))
     with pytest.raises(ValueError, match=r"joint_strength.*mjGAIN_USER"):
-        apply({"joint_strength": {"elbow": 0.5}}, env, Faults(inputs=4), {})
+        apply({"joint_strength": {"elbow": 0.5}}, env, Faults(readings=["0", "1", "2", "3"]), {})
 
 
 PAIR = """
@@ -187,7 +187,7 @@ PAIR = """
 
 def test_friction_reaches_pairs_with_their_own():
     env = of_model(PAIR.format(0.8, 0.008, 0.0002))
-    apply({"friction": 0.5}, env, Faults(inputs=4), {})
+    apply({"friction": 0.5}, env, Faults(readings=["0", "1", "2", "3"]), {})
     truth = mujoco.MjModel.from_xml_string(PAIR.format(0.4, 0.004, 0.0001))
     np.testing.assert_array_equal(env.model.pair_friction, truth.pair_friction)
 

@@ -5,13 +5,13 @@ import math
 import gymnasium
 import numpy as np
 import pytest
-from gymnasium.spaces import Box, Discrete
+from gymnasium.spaces import Box, Dict, Discrete, MultiBinary, MultiDiscrete, Text, Tuple, flatten
 from gymnasium.wrappers import RescaleAction
 
 from epuckhebb.controller.own_class import PartError
 from epuckhebb.controller.random import Stream, rng
 from epuckhebb.worlds.environment import Environment, Lived, World
-from epuckhebb.worlds.spaces import actor, reader, scale_of
+from epuckhebb.worlds.spaces import Reader, actor, parts_of
 
 FLOAT_MAX = np.finfo(np.float32).max
 
@@ -179,13 +179,87 @@ def test_scale_comes_from_bounds_where_there_are_some():
     space = Box(
         np.array([-1.2, -0.07, -np.inf, 0.0, -FLOAT_MAX]), np.array([0.6, 0.07, np.inf, 255.0, FLOAT_MAX]), dtype=float
     )
-    found = scale_of(space, None)
-    assert list(found) == pytest.approx([1.2, 0.07, 3.0, 255.0, 3.0])
-    assert list(scale_of(space, 2.0)) == [2.0] * 5
-    assert list(reader(space, found)(np.array([1.2, 0.07, 3.0, 0, 0]))) == pytest.approx([math.tanh(1)] * 3 + [0, 0])
+    read = Reader(space)
+    assert list(read.scale) == pytest.approx([1.2, 0.07, 3.0, 255.0, 3.0])
+    assert list(Reader(space, 2.0).scale) == [2.0] * 5
+    assert list(read(np.array([1.2, 0.07, 3.0, 0, 0]))) == pytest.approx([math.tanh(1)] * 3 + [0, 0])
     for wrong in ([1.0, 2.0], 0, -1, [1, 1, 1, 1, 0], "x", np.nan):
         with pytest.raises(ValueError, match=r"environment\.scale must be a number above 0, or 5 of them"):
-            scale_of(space, wrong)
+            Reader(space, wrong)
+
+
+class Goals(Sum):
+    """Its reward is two numbers."""
+
+    def step(self, action):
+        observation, reward, *others = super().step(action)
+        return observation, np.array([reward, -1.0]), *others
+
+
+def test_a_reward_of_several_numbers_is_their_weighted_sum():
+    made, _ = world(Goals, reward_weights=[1.0, 0.25])
+    rewards = made.episode(Goals(), lambda *_: np.array([0.5]), 1, 4)
+    assert rewards.tolist() == [0.25] * 4
+    for weights in (None, [1.0]):
+        made, _ = world(Goals, reward_weights=weights)
+        with pytest.raises(PartError, match=r"environment\.reward_weights"):
+            made.check()
+
+
+NESTED = Dict(
+    {
+        "where": Tuple((Box(-2.0, 2.0, (2, 2), np.float64), Discrete(3, start=-1))),
+        "hands": MultiDiscrete([2, 4], start=[0, 1]),
+        "keys": MultiBinary([2, 2]),
+        "far": Box(0.0, 5.0, (), np.float64),
+    }
+)
+
+
+def test_readings_of_nested_spaces_are_those_of_gymnasium():
+    read = Reader(NESTED)
+    NESTED.seed(1)
+    for observation in (NESTED.sample() for _ in range(20)):
+        flat = flatten(NESTED, observation)
+        expected = np.where(read.is_measured, np.tanh(flat * (1 / read.scale)), flat)
+        np.testing.assert_array_equal(read(observation), expected)
+        np.testing.assert_array_equal(read.sizes(observation), np.where(read.is_measured, np.abs(flat), 0))
+    by_name = dict(zip(read.names, read.scale, strict=True))
+    assert (by_name["far"], by_name["where.0.3"], by_name["where.1=0"]) == (5, 2, 1)
+    assert len(by_name) == flatten(NESTED, NESTED.sample()).size
+
+
+def test_actions_of_nested_spaces_are_actions():
+    turn, count = actor(NESTED), sum(part.size for part in parts_of(NESTED, "actions"))
+    for outputs in np.random.default_rng(1).uniform(-1, 1, (50, count)):
+        assert NESTED.contains(turn(outputs))
+    names = Reader(NESTED).names
+    action = turn(np.array([1.0 if name in ("hands.1", "hands.3", "where.1=2", "keys.2") else -1.0 for name in names]))
+    assert (action["hands"].tolist(), action["where"][1], action["keys"].tolist()) == ([1, 2], 1, [[0, 0], [1, 0]])
+
+
+def test_texts_are_left_out_and_a_note_says_so():
+    class Told(Sum):
+        observation_space = Dict({"image": Sum.observation_space, "mission": Text(9)})
+
+        def reset(self, **more):
+            return {"image": super().reset(**more)[0], "mission": "go"}, {}
+
+        def step(self, action):
+            observation, *others = super().step(action)
+            return {"image": observation, "mission": "go"}, *others
+
+    made, _ = world(Told)
+    assert made.read.names == ["image.0", "image.1", "image.2"]
+    assert "left out: mission" in " ".join(made.findings.notes)
+    told, _ = run(Told, changes=[{"at": 3, "dead_readings": ["image.0"]}])
+    np.testing.assert_array_equal(told, run(changes=[{"at": 3, "dead_readings": [0]}])[0])
+
+
+@pytest.mark.parametrize("space", [Text(3), Dict({"a": Text(3)}), gymnasium.spaces.Sequence(Discrete(2))])
+def test_spaces_that_hold_no_fixed_numbers_are_refused(space):
+    with pytest.raises(ValueError, match="environment here: observations"):
+        Reader(space, what="environment here: observations")
 
 
 def test_readings_that_say_nothing_are_noted():
@@ -286,10 +360,10 @@ def test_what_an_environment_may_not_give_is_refused_with_its_step(observation, 
 
 
 def test_a_discrete_observation_out_of_its_range_is_refused():
-    read = reader(Discrete(4, start=2), np.ones(4))
+    read = Reader(Discrete(4, start=2))
     assert list(read(3)) == [0, 1, 0, 0]
     for wrong in (1, 6, -1):
-        with pytest.raises(ValueError, match=f"from 2 to 5, got {wrong}"):
+        with pytest.raises(ValueError, match=rf"from \[2\] to \[5\], got {wrong}"):
             read(wrong)
 
 

@@ -4,6 +4,7 @@ They have files of their own in `conf/`, so that keys of the maze are none of th
 """
 
 import functools
+import importlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -152,21 +153,24 @@ def _make(settings: Environment, **more: Any) -> Any:
     with refusing(lambda _: f"environment={settings.name} needs Gymnasium: {_INSTALL}", ImportError):
         import gymnasium
     options, missing = {**settings.options, **more}, (ImportError, gymnasium.error.DependencyNotInstalled)
+    package, _, name = settings.id.rpartition(":")
 
     def reason(error: Exception) -> str:  # of a user's code, or of a library that is missing
-        hint = f"; environments of MuJoCo: {_INSTALL}" if isinstance(error, missing) else ""
+        hint = f"; environments of MuJoCo: {_INSTALL}" if isinstance(error, missing) and not package else ""
         return f"environment.id={settings.id}: {type(error).__name__}: {error}{hint}"
 
     with refusing(reason, Exception):
-        if ".py:" in settings.id:
+        if package.endswith(".py"):
             kind: Any = class_named(settings.id, gymnasium.Env, "environment.id")
             return kind(**options)
-        if "mujoco" in str(gymnasium.spec(settings.id).entry_point):
+        if package:
+            importlib.import_module(package)  # it registers its environments
+        if "mujoco" in str(gymnasium.spec(name).entry_point):
             import mujoco
 
             mujoco.set_mju_user_warning(lambda _: None)  # else each environment prints one, and writes a file here
             options = {"camera_name": "track", **options} if more else options  # a film follows the robot
-        return gymnasium.make(settings.id, max_episode_steps=settings.horizon, disable_env_checker=True, **options)
+        return gymnasium.make(name, max_episode_steps=settings.horizon, disable_env_checker=True, **options)
 
 
 def _function(text: Any) -> Callable[[Any], None]:

@@ -5,7 +5,7 @@ cart-pole, `LINK_MASS_1` of the acrobot. Factors are of the value at the start o
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -27,11 +27,11 @@ _INERT = {  # numbers that are drawn, or computed anew from others, by the name 
 class Faults:
     """What is wrong between an environment and its controller.
 
-    inputs: how many readings there are. dead: readings that are 0. noise: standard deviation by the number of a
-    reading, after its scale. delay: steps that actions wait. start: arrays of a model of MuJoCo before any change.
+    readings: their names. dead: numbers of readings that are 0. noise: standard deviation by the number of a reading,
+    after its scale. delay: steps that actions wait. start: arrays of a model of MuJoCo before any change.
     """
 
-    inputs: int
+    readings: Sequence[str]
     dead: list[int] = field(default_factory=list)
     noise: dict[int, float] = field(default_factory=dict)
     delay: int = 0
@@ -158,21 +158,27 @@ def _strengthen(model: Any, motor: int, factor: float, faults: Faults) -> None:
 
 
 def _places(given: Any, name: str, faults: Faults) -> list[int]:
-    is_list = isinstance(given, list | Mapping) and len(given)
-    if not is_list or not all(_whole(number) and 0 <= number < faults.inputs for number in given):
-        raise ValueError(f"{name} must have numbers of readings, from 0 to {faults.inputs - 1}, got {given!r}")
-    return list(given)
+    names, found = {reading: number for number, reading in enumerate(faults.readings)}, list[Any]()
+    if isinstance(given, list | Mapping):
+        found = [names.get(one, one) if isinstance(one, str) else one for one in given]
+    if not found or not all(_whole(number) and 0 <= number < len(names) for number in found):
+        known = f"from 0 to {len(names) - 1}, or names of {', '.join(names)}"
+        raise ValueError(f"{name} must have readings, {known}, got {given!r}")
+    return found
 
 
 def _dead_readings(_env: Any, numbers: Any, faults: Faults) -> None:
-    """Let readings, by their numbers, be 0."""
+    """Let readings, by their numbers or names, be 0."""
     faults.dead = _places(numbers, "dead_readings", faults)
 
 
 def _noisy_readings(_env: Any, values: Any, faults: Faults) -> None:
-    """Add normal noise to readings: {number: standard deviation}."""
-    places = _places(_pairs(values, "noisy_readings", "NUMBER: STANDARD DEVIATION"), "noisy_readings", faults)
-    faults.noise = {place: _number(values[place], "noisy_readings", 0) for place in places}
+    """Add normal noise to readings: {number or name: standard deviation}."""
+    given = _pairs(values, "noisy_readings", "READING: STANDARD DEVIATION")
+    places = _places(given, "noisy_readings", faults)
+    faults.noise = {
+        place: _number(value, "noisy_readings", 0) for place, value in zip(places, given.values(), strict=True)
+    }
 
 
 def _action_delay(_env: Any, value: Any, faults: Faults) -> None:

@@ -21,7 +21,7 @@ from epuckhebb.controller.own_class import PartError, calling
 from epuckhebb.controller.random import Stream, rng
 from epuckhebb.controller.ranges import check, within
 from epuckhebb.worlds.changes import AT, DELAY, Faults, apply
-from epuckhebb.worlds.spaces import actor, reader, scale_of, size_of
+from epuckhebb.worlds.spaces import Reader, actor, parts_of
 from epuckhebb.worlds.trial import Findings, try_world
 
 _LONGEST = 1_000_000  # steps
@@ -33,9 +33,10 @@ _WINDOW, _RECOVERED = 50, 0.9  # steps, and the share of the reward before a cha
 class Environment:
     """The settings of an environment.
 
-    id: of Gymnasium, or FILE.py:NAME, a class of the user's. options: arguments with which it is made. horizon: steps
-    of a lifetime. scale: of all readings, or of each; None: from their bounds. reward_scale: reward of a step at which
-    the live fitness is 1. step_s: length of a step [s], for what has time constants. changes: each
+    id: of Gymnasium, PACKAGE:ID for one that a package brings, or FILE.py:NAME, a class of the user's. options:
+    arguments with which it is made. horizon: steps of a lifetime. scale: of all readings, or of each; None: from their
+    bounds. reward_scale: reward of a step at which the live fitness is 1. reward_weights: of a reward that is several
+    numbers; None: it is one. step_s: length of a step [s], for what has time constants. changes: each
     `{at: STEP, NAME: VALUE}`; change: their name, of those in `named`. hidden: sizes of the hidden layers. population,
     generations, loops: of an evolution, with so many lifetimes of an individual. processes: 0 for one on each core.
     """
@@ -46,6 +47,7 @@ class Environment:
     horizon: int = within(1, _LONGEST, default=500)
     scale: Any = None
     reward_scale: float = within(0, above=True, default=1.0)
+    reward_weights: list[float] | None = None
     step_s: float = within(0, above=True, default=0.02)
     changes: list[Any] = field(default_factory=list)
     change: str | None = None
@@ -80,13 +82,13 @@ class Lived(NamedTuple):
     weight_steps: Floats
 
 
-def _finite(value: Any, what: str) -> float:
+def _finite(value: Any, what: str, hint: str = "") -> float:
     try:
         number = float(value)
     except (TypeError, ValueError):
         number = math.nan
     if not math.isfinite(number):
-        raise ValueError(f"{what} must be a finite number, got {value!r}")
+        raise ValueError(f"{what} must be a finite number, got {value!r}{hint}")
     return number
 
 
@@ -110,12 +112,12 @@ class World:
     @cached_property
     def inputs(self) -> int:
         """The number of readings."""
-        return size_of(getattr(self._env, "observation_space", None), f"environment {self.name}: observations")
+        return len(self.read.names)
 
     @cached_property
     def outputs(self) -> int:
         """The number of outputs that make an action."""
-        return size_of(self.actions, f"environment {self.name}: actions")
+        return sum(part.size for part in parts_of(self.actions, f"environment {self.name}: actions"))
 
     @property
     def actions(self) -> Any:
@@ -123,15 +125,14 @@ class World:
         return getattr(self._env, "action_space", None)
 
     @cached_property
-    def read(self) -> Callable[[Any], Floats]:
+    def read(self) -> Reader:
         """The function from an observation to the readings, (inputs,)."""
-        space = self._env.observation_space
-        return reader(space, scale_of(space, self.settings.scale))
+        return Reader(self.observations, self.settings.scale, f"environment {self.name}: observations")
 
     @property
-    def is_measured(self) -> bool:
-        """Whether its readings are numbers of a Box, and not a 1 among zeros."""
-        return type(self._env.observation_space).__name__ == "Box"
+    def observations(self) -> Any:
+        """The space of its observations."""
+        return getattr(self._env, "observation_space", None)
 
     @cached_property
     def turn(self) -> Callable[[Floats], Any]:
@@ -182,7 +183,7 @@ class World:
             PartError: the environment, or a function of the user's, failed, or gave what it may not give.
         """
         changes = list(changes)
-        faults, noise = Faults(inputs=self.inputs), rng(seed, Stream.reading_noise)
+        faults, noise = Faults(readings=self.read.names), rng(seed, Stream.reading_noise)
         longest = max((change[DELAY] for change in changes if isinstance(change.get(DELAY), int)), default=0)
         past = deque[Any](maxlen=1 + max(0, longest))  # kept always: a delay may begin during the lifetime
         rewards, read, turn, do = np.zeros(steps), self.read, self.turn, env.step
@@ -204,7 +205,7 @@ class World:
                 if watch:
                     watch(env)
                 observation, reward, has_ended, is_cut, _ = do(action)
-                readings, reward = read(observation), _finite(reward, "a reward")
+                readings, reward = read(observation), self._reward(reward)
                 rewards[step] = reward
                 if has_ended or is_cut:
                     break
@@ -215,6 +216,16 @@ class World:
             with calling(f"environment {self.name}: {f'step {step}' if step >= 0 else 'reset'} (seed {seed})"):
                 raise
         return rewards[: step + 1]
+
+    def _reward(self, reward: Any) -> float:
+        """The reward as one number."""
+        weights = self.settings.reward_weights
+        if weights is None:
+            hint = "; environment.reward_weights makes one number of several" if np.size(reward) > 1 else ""
+            return _finite(reward, "a reward", hint)
+        if np.shape(reward) != (len(weights),):
+            raise ValueError(f"a reward must be {len(weights)} numbers, as environment.reward_weights, got {reward!r}")
+        return _finite(np.dot(weights, reward), "a reward")
 
     def _apply(self, change: Mapping[str, Any], env: Any, faults: Faults) -> None:
         try:

@@ -1,28 +1,99 @@
 """From observations to readings and from outputs to actions, for the spaces of Gymnasium.
 
-A reading of a Box is tanh(x / scale); a Discrete observation is a 1 among zeros. An action of a Box is the outputs,
-from -1 to 1, between its bounds; of a Discrete it is the place of the largest output.
+| space | readings | action |
+| --- | --- | --- |
+| Box | tanh(x / scale) of each number | the outputs, from -1 to 1, between its bounds |
+| Discrete, MultiDiscrete | for each number a 1 among zeros | for each number the place of the largest of its outputs |
+| MultiBinary | its zeros and ones | 1 where an output is above 0 |
+| Dict, Tuple | those of its parts, one after the other | of its parts |
+| Text | none | – |
 """
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
 
-_KINDS = ("Box", "Discrete")
 _UNBOUNDED = 1e30  # bounds from here on are written for none, as the largest float32 is
 _WIDE = 3.0  # scale of readings without bounds
+_KINDS = ("Box", "Discrete", "MultiDiscrete", "MultiBinary")
+_TEXT = "Text"
 
 
-def size_of(space: Any, what: str) -> int:
-    """How many readings or outputs a space needs; a ValueError if it is none of Box and Discrete. what: has it."""
-    kind = type(space).__name__
-    if kind not in _KINDS:
-        raise ValueError(f"{what} must be of {' or '.join(_KINDS)}, and are of {kind}")
-    return int(space.n if kind == "Discrete" else max(1, np.prod(space.shape)))
+def kind_of(space: Any) -> str:
+    """The name of a space's class in Gymnasium, also of a class made from it; any space of strings is a Text."""
+    if getattr(getattr(space, "dtype", None), "kind", "") == "U":
+        return _TEXT
+    names = [kind.__name__ for kind in type(space).__mro__]
+    return next((name for name in names if name in (*_KINDS, "Dict", "Tuple", _TEXT)), names[0])
+
+
+class Part(NamedTuple):
+    """A part of a space that has no parts. path: the keys that lead to it; size: its readings, or its outputs."""
+
+    path: tuple[Any, ...]
+    space: Any
+    size: int
+
+    @property
+    def kind(self) -> str:
+        """The name of its class in Gymnasium."""
+        return kind_of(self.space)
+
+    @property
+    def names(self) -> list[str]:
+        """The name of each of its readings: a number, or where it is in an observation of parts."""
+        path = ".".join(map(str, self.path))
+        if not path or (self.kind == "Box" and self.space.shape) or self.kind in _KINDS[2:]:
+            return [f"{path}{'.' * bool(path)}{number}" for number in range(self.size)]
+        return [path] if self.kind == "Box" else [f"{path}={number}" for number in range(self.size)]
+
+
+def parts_of(space: Any, what: str) -> list[Part]:
+    """The parts of a space in its order, without texts.
+
+    Raises:
+        ValueError: it has parts of another kind. what: has the space, as the message says.
+    """
+    found = [part for part in _walk(space, ()) if part.kind != _TEXT]
+    for part in found:
+        if part.kind not in _KINDS:
+            where = f"{'.'.join(map(str, part.path))} is" if part.path else "are"
+            raise ValueError(f"{what} must be of {', '.join(_KINDS)}, Dict or Tuple of these; {where} of {part.kind}")
+    if not found:
+        raise ValueError(f"{what} must hold numbers, and are of {kind_of(space)}")
+    return found
+
+
+def texts_of(space: Any) -> list[str]:
+    """Where a space has texts, which are left out."""
+    return [".".join(map(str, part.path)) for part in _walk(space, ()) if part.kind == _TEXT]
+
+
+def _walk(space: Any, path: tuple[Any, ...]) -> Iterator[Part]:
+    match kind_of(space):
+        case "Dict":
+            for key, inner in space.spaces.items():
+                yield from _walk(inner, (*path, key))
+        case "Tuple":
+            for key, inner in enumerate(space.spaces):
+                yield from _walk(inner, (*path, key))
+        case _:
+            yield Part(path, space, _size(space))
+
+
+def _size(space: Any) -> int:
+    match kind_of(space):
+        case "Discrete":
+            return int(space.n)
+        case "MultiDiscrete":
+            return int(space.nvec.sum())
+        case "Box" | "MultiBinary":
+            return int(max(1, np.prod(space.shape)))
+    return 0
 
 
 def _bounds(box: Any) -> tuple[Floats, Floats, NDArray[np.bool_], NDArray[np.bool_]]:
@@ -31,48 +102,94 @@ def _bounds(box: Any) -> tuple[Floats, Floats, NDArray[np.bool_], NDArray[np.boo
     return low, high, low > -_UNBOUNDED, high < _UNBOUNDED
 
 
-def scale_of(space: Any, given: Any) -> Floats:
-    """The scale of each reading, (readings,): as given, or its largest size within its bounds, or 3 without bounds.
+class Reader:
+    """The function from an observation to the readings, (readings,).
+
+    names: of the readings. is_measured: which of them are numbers of a Box, and not zeros and ones. scale: of each of
+    these; as given, or the largest size within its bounds, or 3 without bounds.
 
     Raises:
-        ValueError: what is given is no number above 0, nor one for each reading.
+        ValueError: the scale is no number above 0, nor one for each reading; an observation is another thing.
     """
-    count = size_of(space, "observations")
-    if given is not None:
+
+    def __init__(self, space: Any, given: Any = None, what: str = "observations") -> None:
+        self._parts = parts_of(space, what)
+        self.names = [name for part in self._parts for name in part.names]
+        self.is_measured = np.repeat([part.kind == "Box" for part in self._parts], [part.size for part in self._parts])
+        self.scale = np.concatenate([_usual_scale(part) for part in self._parts])
+        if given is not None:
+            self.scale = np.where(self.is_measured, _scale(given, len(self.names)), 1.0)
+        ends = np.cumsum([part.size for part in self._parts])
+        self._readers = [
+            (part.path, _reader(part, self.scale[end - part.size : end]))
+            for part, end in zip(self._parts, ends, strict=True)
+        ]
+
+    def __call__(self, observation: Any) -> Floats:
+        """The readings of an observation, (readings,)."""
+        if not self._readers[0][0]:  # a space without parts
+            return self._readers[0][1](observation)
+        return np.concatenate([read(_at(observation, path)) for path, read in self._readers])
+
+    def sizes(self, observation: Any) -> Floats:
+        """The size of each measured number of an observation before its scale, 0 elsewhere, (readings,)."""
+        values = [
+            np.abs(np.ravel(_at(observation, part.path))) if part.kind == "Box" else np.zeros(part.size)
+            for part in self._parts
+        ]
+        return np.concatenate(values)
+
+
+def _at(observation: Any, path: tuple[Any, ...]) -> Any:
+    part = observation
+    for key in path:
         try:
-            scale = np.asarray(given, np.float64)
-        except (TypeError, ValueError):
-            scale = np.zeros(())
-        if scale.shape not in ((), (count,)) or not (np.isfinite(scale).all() and (scale > 0).all()):
-            raise ValueError(f"environment.scale must be a number above 0, or {count} of them, or null, got {given}")
-        return np.broadcast_to(scale, count)
-    if type(space).__name__ == "Discrete":
-        return np.ones(count)
-    low, high, has_low, has_high = _bounds(space)
+            part = part[key]
+        except (IndexError, KeyError, TypeError):
+            raise ValueError(f"an observation must have {'.'.join(map(str, path))}, got {observation!r}") from None
+    return part
+
+
+def _scale(given: Any, count: int) -> Floats:
+    try:
+        scale = np.asarray(given, np.float64)
+    except (TypeError, ValueError):
+        scale = np.zeros(())
+    if scale.shape not in ((), (count,)) or not (np.isfinite(scale).all() and (scale > 0).all()):
+        raise ValueError(f"environment.scale must be a number above 0, or {count} of them, or null, got {given}")
+    return scale
+
+
+def _usual_scale(part: Part) -> Floats:
+    if part.kind != "Box":
+        return np.ones(part.size)
+    low, high, has_low, has_high = _bounds(part.space)
     largest = np.maximum(np.abs(low), np.abs(high))
     return np.ravel(np.where(has_low & has_high & (largest > 0), largest, _WIDE))
 
 
-def reader(space: Any, scale: Floats) -> Callable[[Any], Floats]:
-    """The function from an observation to the readings, (readings,); it raises a ValueError for any other thing."""
-    count = len(scale)
-    if type(space).__name__ == "Discrete":
-        first, eye = int(space.start), np.eye(count)
+def _reader(part: Part, scale: Floats) -> Callable[[Any], Floats]:
+    space, count = part.space, part.size
+    if part.kind in ("Discrete", "MultiDiscrete"):
+        sizes = np.ravel(space.n if part.kind == "Discrete" else space.nvec)
+        lowest, first = np.broadcast_to(np.ravel(space.start), sizes.shape), np.cumsum(sizes) - sizes
 
-        def place(observation: Any) -> Floats:
-            number = int(observation) - first
-            if not 0 <= number < count:
-                raise ValueError(f"an observation must be from {first} to {first + count - 1}, got {observation!r}")
-            return np.array(eye[number])
+        def placed(observation: Any) -> Floats:
+            places, readings = np.asarray(observation).astype(np.int64).ravel() - lowest, np.zeros(count)
+            if places.shape != sizes.shape or not ((places >= 0) & (places < sizes)).all():
+                ends = f"{lowest.tolist()} to {(lowest + sizes - 1).tolist()}"
+                raise ValueError(f"an observation must be from {ends}, got {observation!r}")
+            readings[first + places] = 1.0
+            return readings
 
-        return place
+        return placed
     shrink = 1.0 / scale
 
     def shrunk(observation: Any) -> Floats:
         values = np.asarray(observation, np.float64).ravel()
         if values.shape != shrink.shape:
             raise ValueError(f"an observation must be of {count} numbers, got {observation!r}")
-        readings: Floats = np.tanh(values * shrink)
+        readings: Floats = np.tanh(values * shrink) if part.kind == "Box" else values
         if np.isnan(readings.sum()):
             raise ValueError(f"an observation must be of numbers, got {observation!r}")
         return readings
@@ -82,9 +199,41 @@ def reader(space: Any, scale: Floats) -> Callable[[Any], Floats]:
 
 def actor(space: Any) -> Callable[[Floats], Any]:
     """The function from the outputs, (outputs,), to an action; a ValueError for bounds on one side alone."""
-    if type(space).__name__ == "Discrete":
-        first = int(space.start)
-        return lambda outputs: first + int(outputs.argmax())
+    match kind_of(space):
+        case "Dict":
+            turns = dict(zip(space.spaces, _in_turn(list(space.spaces.values())), strict=True))
+            return lambda outputs: {key: turn(outputs) for key, turn in turns.items()}
+        case "Tuple":
+            each = _in_turn(list(space.spaces))
+            return lambda outputs: tuple(turn(outputs) for turn in each)
+        case "Discrete":
+            first = int(space.start)
+            return lambda outputs: first + int(outputs.argmax())
+        case "MultiDiscrete":
+            ends, start, dtype = np.cumsum(space.nvec), space.start, space.dtype
+
+            def place(outputs: Floats) -> Any:
+                largest = [group.argmax() for group in np.split(outputs, ends[:-1])]
+                return (start + np.reshape(largest, start.shape)).astype(dtype)
+
+            return place
+        case "MultiBinary":
+            return lambda outputs: (outputs > 0).astype(space.dtype).reshape(space.shape)
+    return _box_actor(space)
+
+
+def _in_turn(spaces: list[Any]) -> list[Callable[[Floats], Any]]:
+    """For each space the function from all outputs to its action."""
+    sizes = [sum(part.size for part in _walk(space, ())) for space in spaces]
+    where = [slice(end - size, end) for size, end in zip(sizes, np.cumsum(sizes).tolist(), strict=True)]
+
+    def turned(turn: Callable[[Floats], Any], its: slice) -> Callable[[Floats], Any]:
+        return lambda outputs: turn(outputs[its])
+
+    return [turned(actor(space), its) for space, its in zip(spaces, where, strict=True)]
+
+
+def _box_actor(space: Any) -> Callable[[Floats], Any]:
     low, high, has_low, has_high = _bounds(space)
     if (has_low != has_high).any():
         place = int(np.flatnonzero(has_low != has_high)[0])
@@ -97,12 +246,17 @@ def actor(space: Any) -> Callable[[Floats], Any]:
     middle, half = (high + low) / 2.0, (high - low) / 2.0
     kind, is_whole = space.dtype, np.issubdtype(space.dtype, np.integer)
     if is_whole:
-        return lambda outputs: np.rint(middle + outputs.reshape(middle.shape) * half).astype(kind)
+        return lambda outputs: np.asarray(np.rint(middle + outputs.reshape(middle.shape) * half), kind)
     if not middle.any() and middle.ndim == 1:
         return lambda outputs: (outputs * half).astype(kind)
-    return lambda outputs: (middle + outputs.reshape(middle.shape) * half).astype(kind)
+    return lambda outputs: np.asarray(middle + outputs.reshape(middle.shape) * half, kind)
 
 
 def unbounded(space: Any) -> list[int]:
-    """The numbers of the actions of a Box that have no bounds."""
-    return [] if type(space).__name__ == "Discrete" else np.flatnonzero(~_bounds(space)[2]).tolist()
+    """The numbers of the outputs for actions of a Box that have no bounds."""
+    places, begin = list[int](), 0
+    for part in _walk(space, ()):
+        if part.kind == "Box":
+            places += (begin + np.flatnonzero(~_bounds(part.space)[2])).tolist()
+        begin += part.size
+    return places

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.random import Stream, rng
 from epuckhebb.worlds.changes import AT
-from epuckhebb.worlds.spaces import unbounded
+from epuckhebb.worlds.spaces import Reader, texts_of, unbounded
 
 if TYPE_CHECKING:
     from epuckhebb.worlds.environment import World
@@ -50,7 +50,7 @@ def _seen(world: "World", env: Any, seed: int, changes: Sequence[Mapping[str, An
         digest.update(readings.tobytes())
         np.minimum(low, readings, out=low)
         np.maximum(high, readings, out=high)
-        np.maximum(largest, np.abs(np.ravel(observation)), out=largest)
+        np.maximum(largest, world.read.sizes(observation), out=largest)
         return np.asarray(outputs[done + step])
 
     for episode in itertools.count():
@@ -89,7 +89,7 @@ def try_world(world: "World") -> Findings:
         first, other, again = (_seen(world, env, seed) for seed in (0, 1, 0))
     needs_fresh = first.digest != again.digest or other.digest != _fresh(world, 1).digest
     can_repeat = not needs_fresh or first.digest == _fresh(world, 0).digest
-    notes = [*(_readings(first, other) if world.is_measured else ()), *_actions(world)]
+    notes = [*_texts(world), *_readings(world.read, first, other), *_actions(world)]
     if not can_repeat:
         notes.append("The same seed gives another lifetime each time: results cannot be repeated or compared in pairs.")
     elif needs_fresh:
@@ -118,19 +118,25 @@ def _changes(world: "World", before: _Seen) -> list[str]:
     return notes
 
 
-def _listed(places: NDArray[np.intp], largest: Floats) -> str:
-    each = [f"{place} (largest {largest[place]:.3g})" for place in places[:_LISTED]]
+def _texts(world: "World") -> list[str]:
+    """A note on texts, which no controller reads."""
+    places = texts_of(world.observations)
+    return [f"Texts of observations are left out: {', '.join(places)}."] if places else []
+
+
+def _listed(names: Sequence[str], places: NDArray[np.intp], largest: Floats) -> str:
+    each = [f"{names[place]} (largest {largest[place]:.3g})" for place in places[:_LISTED]]
     return ", ".join(each) + (f" and {len(places) - _LISTED} more" if len(places) > _LISTED else "")
 
 
-def _readings(*seen: _Seen) -> list[str]:
+def _readings(read: Reader, *seen: _Seen) -> list[str]:
     """A note on readings of a Box that tell a controller nothing."""
     low = np.min([one.low for one in seen], axis=0)
     high = np.max([one.high for one in seen], axis=0)
     largest = np.max([one.largest for one in seen], axis=0)
-    is_at_end = (low >= _AT_END) | (high <= -_AT_END)
-    found = {"are 1 or -1": is_at_end, "never move": ~is_at_end & (high - low < _STILL)}
-    places = {what: _listed(np.flatnonzero(those), largest) for what, those in found.items() if those.any()}
+    is_at_end = read.is_measured & ((low >= _AT_END) | (high <= -_AT_END))
+    found = {"are 1 or -1": is_at_end, "never move": read.is_measured & ~is_at_end & (high - low < _STILL)}
+    places = {what: _listed(read.names, np.flatnonzero(those), largest) for what, those in found.items() if those.any()}
     texts = [f"readings {those} {what}" for what, those in places.items()]
     hint = f"environment.scale may be a list of {len(low)} numbers"
     return [f"With random actions, {' and '.join(texts)}; {hint}."] if texts else []
