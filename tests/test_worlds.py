@@ -8,7 +8,7 @@ import pytest
 from gymnasium.spaces import Box, Discrete
 from gymnasium.wrappers import RescaleAction
 
-from epuckhebb.controller.own_class import PartError
+from epuckhebb.controller.compiling.errors import PartError
 from epuckhebb.controller.random import Stream, rng
 from epuckhebb.worlds.environment import Environment, Lived, World
 from epuckhebb.worlds.spaces import actor, reader, scale_of

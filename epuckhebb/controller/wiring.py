@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.compiling.errors import PartError
 from epuckhebb.controller.compiling.readonly import readonly
 from epuckhebb.controller.evolved import Evolved
-from epuckhebb.controller.own_class import OwnClass, PartError, stored
+from epuckhebb.controller.own_class import OwnClass, stored
 from epuckhebb.controller.ranges import within
 
 MOST_SYNAPSES = 100_000  # more is surely a typing error
