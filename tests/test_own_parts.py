@@ -125,6 +125,14 @@ def test_what_cannot_be_a_part_is_refused_with_its_key(kind):
 
 
 @pytest.mark.usefixtures("here")
+@pytest.mark.parametrize(("kind", "attribute"), [("rule", "evolved"), ("rule", "with_reward"), ("wiring", "evolved")])
+def test_what_is_evolved_is_a_mapping_to_evolved(kind, attribute):
+    for value in ("{'a': 3}", "3"):
+        with pytest.raises(ConfigError, match=f"{KINDS[kind].base.KEY}=.*: {attribute} must"):
+            config_with(kind, part(kind, more=f"{attribute}: ClassVar = {value}"))
+
+
+@pytest.mark.usefixtures("here")
 @pytest.mark.parametrize("kind", METHODS)
 def test_a_part_without_its_method_is_refused(kind):
     with pytest.raises(ConfigError, match=f"{KINDS[kind].base.METHODS[0]}"):

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from epuckhebb.controller.compiling.errors import MUST_GIVE_A_NUMBER, PartError
 from epuckhebb.controller.compiling.kernel import BUILDING_BLOCK, compiled, compiled_checked, in_module
 from epuckhebb.controller.compiling.readonly import readonly
+from epuckhebb.controller.evolved import Evolved
 from epuckhebb.controller.ranges import check
 
 _OURS = Path(__file__).parents[1]
@@ -77,6 +78,10 @@ class OwnClass:
     @classmethod
     def check_class(cls) -> None:
         """Check a subclass; else a ValueError."""
+        for name in ("evolved", "with_reward"):
+            values = getattr(cls, name, {})
+            if not isinstance(values, Mapping) or not all(isinstance(one, Evolved) for one in values.values()):
+                raise ValueError(f"{cls.what()}: {name} must be a mapping of names to Evolved(...), got {values!r}")
         base = base_of(cls)
         given = [name for name in cls.METHODS if getattr(cls, name, None) is not getattr(base, name, None)]
         if cls.METHODS and not given:

@@ -108,7 +108,7 @@ class Wiring(OwnClass):
         super().check_class()
         what = cls.what()
         for name, evolved in cls.evolved.items():
-            if not isinstance(evolved, Evolved) or evolved.per not in _PER:
+            if evolved.per not in _PER:
                 raise ValueError(f"{what}: {name} must be Evolved(per=...), one of {', '.join(_PER)}, got {evolved}")
             if name in OF_NEURON:
                 raise ValueError(f"{what}: an evolved parameter cannot be called {name}, which means something else")
