@@ -58,7 +58,7 @@ def lint(session: nox.Session) -> None:
 def types(session: nox.Session) -> None:
     """Check types, strictly."""
     session.install(".", *group("types"))
-    session.run("mypy", "epuckhebb")
+    session.run("mypy")
 
 
 @nox.session(allow_parallel=True)

@@ -1,15 +1,19 @@
 """How much of `epuckhebb evolve` is spent inside steps, in per cent of the process and of its generations; CPU time."""
 
+import importlib
 import sys
 import time
 from types import SimpleNamespace
+from typing import Any
 
 from epuckhebb.cli import commands
 from epuckhebb.evolution.evolve import evolve
-from epuckhebb.runs import evolve as command
 from epuckhebb.tmaze import batch, simulator
 
-inside, generations, inside_generations = [], [], []
+command: Any = importlib.import_module("epuckhebb.runs.evolve")
+inside: list[float] = []
+generations: list[float] = []
+inside_generations: list[float] = []
 
 
 def timed(steps):

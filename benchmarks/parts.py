@@ -20,7 +20,7 @@ from epuckhebb.controller.random import normal_numbers
 from epuckhebb.tmaze import light
 from epuckhebb.tmaze.maze import T_MAZE, Pose, boxes
 from epuckhebb.tmaze.physics.pymunk import PYMUNK, PymunkSpace, mover
-from epuckhebb.tmaze.robot import EPUCK
+from epuckhebb.tmaze.robot import EPUCK, STEP_S
 from epuckhebb.tmaze.senses import sense_workspace, senses
 
 LOOPS, REPEATS = 100_000, 7
@@ -54,8 +54,9 @@ def network_loop(n, weights, activation, drive):
 
 @loop
 def plasticity_loop(n, weights, synapse_state, genotype, activation, numbers, workspace):
+    context = StepContext(0.5, np.uint64(1), 0, STEP_S)
     for _ in range(n):
-        learn(weights, synapse_state, genotype, activation, 1e-9, StepContext(0.5, np.uint64(1), 0), numbers, workspace)
+        learn(weights, synapse_state, genotype, activation, 1e-9, context, numbers, workspace)
 
 
 @loop

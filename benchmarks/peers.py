@@ -21,7 +21,7 @@ from kheperax.tasks.config import KheperaxConfig
 from kheperax.tasks.main import KheperaxTask
 from step import LIFETIME, individuals, microseconds, ours, plain
 
-from epuckhebb.analysis.tables import markdown_table
+from epuckhebb.analysis.tables import Table
 from epuckhebb.controller.network import PAPER_NETWORK
 from epuckhebb.tmaze.individual import GA_ALONE
 from epuckhebb.tmaze.maze import T_MAZE, boxes
@@ -117,7 +117,7 @@ def main() -> None:
         "compiled before; the ratio is the median of the ratios turn by turn. `nox -s peers` measures anew.\n\n"
     )
     head = ["", "a robot-step", "ratio to epuckhebb, plasticity off", "does", "does not"]
-    RESULTS.write_text(page + markdown_table(head, rows), encoding="utf-8")
+    RESULTS.write_text(page + Table(head, rows).markdown(), encoding="utf-8")
     print(RESULTS.read_text(encoding="utf-8"))
 
 

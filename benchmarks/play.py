@@ -37,6 +37,7 @@ def ask(connection: http.client.HTTPConnection, live: Play, **wish: object) -> N
 
 def latency(live: Play) -> float:
     """Milliseconds from a change by hand to the frame in which the page has it."""
+    assert isinstance(live.world, LiveWorld)
     told, connection = frames(live), http.client.HTTPConnection("127.0.0.1", live.port, timeout=60)
     ask(connection, live, do="play", value=True)
     taken = []

@@ -111,7 +111,7 @@ def _measured(section: Section, versions: list[Version]) -> list[list[str]]:
 def _once(section: Section, measured: Version) -> Iterable[tuple[str, str]]:
     has_it = (measured.folder / f"{section.module}.py").exists()
     folder = measured.folder if has_it else HERE  # what is new here must only start commands
-    words = [measured.python, HERE / "section.py", folder, section.module, str(section.repeats)]
+    words: list[str | Path] = [measured.python, HERE / "section.py", folder, section.module, str(section.repeats)]
     done = subprocess.run(words, check=True, stdout=subprocess.PIPE, text=True)
     return [(name, figure) for name, figure in json.loads(done.stdout.splitlines()[-1])]
 

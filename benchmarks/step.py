@@ -8,6 +8,7 @@ robots do.
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from statistics import median
 
@@ -99,7 +100,7 @@ def measure() -> list[tuple[str, str]]:
             microseconds(lambda: ours(block)),
             microseconds(lambda: ours(without)),
             microseconds(plain),
-            *(microseconds(lambda robots=robots: ours(robots)) for robots in others.values()),
+            *(microseconds(partial(ours, robots)) for robots in others.values()),
         )
         for _ in range(REPEATS)
     ]

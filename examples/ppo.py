@@ -48,8 +48,9 @@ def main():
     given = words.parse_args()
     torch.set_num_threads(1)
     print("champion:", tested(epuckhebb.Controller(epuckhebb.load()).act))
-    env = make_vec_env(TMaze, n_envs=ENVIRONMENTS, seed=given.seed, env_kwargs={"reward": given.reward})
-    model = PPO("MlpPolicy", env, seed=given.seed, n_steps=512, batch_size=256, device="cpu")
+    seed = given.seed * ENVIRONMENTS  # Stable-Baselines3 gives environment i the seed s + i: no two runs share one
+    env = make_vec_env(TMaze, n_envs=ENVIRONMENTS, env_kwargs={"reward": given.reward})
+    model = PPO("MlpPolicy", env, seed=seed, n_steps=512, batch_size=256, device="cpu")
     began = time.process_time()
     model.learn(given.steps)
     spent = time.process_time() - began

@@ -8,9 +8,9 @@ import pytest
 
 import epuckhebb
 from epuckhebb import Controller, Hebbian
+from epuckhebb.controller.compiling.errors import PartError
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import Network, by_layer
-from epuckhebb.controller.own_class import PartError
 from epuckhebb.controller.plasticity.rule import Normalise
 from epuckhebb.controller.plasticity.rules.abcd import ABCD
 from epuckhebb.controller.wirings.elman import Elman

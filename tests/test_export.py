@@ -14,7 +14,9 @@ from cases import done, first_of, refused
 import epuckhebb
 from epuckhebb.controller.forward_pass import forward_pass
 from epuckhebb.controller.network import PAPER_NETWORK
+from epuckhebb.export.webots import left_out
 from epuckhebb.store import genome
+from epuckhebb.tmaze.scenario import Scenario
 
 ROOT = Path(__file__).parents[1]
 SECONDS = 6.4
@@ -163,3 +165,18 @@ def test_what_the_controller_for_webots_does_not_do_is_refused(word, wanted):
     short = ["lifetime.duration_s=0.064", "repeats=1", "lifetime.record_every=0", "-q"]
     done("evaluate", word, *short, "hydra.run.dir=run")
     assert wanted in refused("export", "run", "--webots", "-o", "c")
+
+
+def test_what_the_files_for_webots_leave_out_is_named():
+    """Each setting of a scenario is in the files, or named where it differs from the paper's."""
+    broken = {"left_slip": 0.3, "dead_sensors": (3,), "distance_gain": 0.5, "right_wheel": 0.8, "mass_ratio": 2.0}
+    assert left_out(Scenario()) == []
+    assert left_out(Scenario(light=0.5, obstacles=4, sun_turn_deg=3.0)) == []
+    assert sorted(left_out(Scenario(**broken))) == sorted(f"scenario.{name}" for name in broken)
+
+
+@pytest.mark.usefixtures("here")
+def test_an_export_says_what_it_leaves_out():
+    short = ["lifetime.duration_s=0.064", "repeats=1", "lifetime.record_every=0", "-q"]
+    done("evaluate", "scenario.left_slip=0.3", *short, "hydra.run.dir=run")
+    assert "scenario.left_slip" in done("export", "run", "--webots").stdout

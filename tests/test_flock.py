@@ -11,7 +11,7 @@ import pytest
 from cases import contents, done, first_of, refused
 
 from epuckhebb import Coupling
-from epuckhebb.controller.own_class import PartError
+from epuckhebb.controller.compiling.errors import PartError
 from epuckhebb.flock import tables
 from epuckhebb.flock.coupling import Moment, changed, shuffled, transfer_entropy
 from epuckhebb.flock.couplings.frozen import Frozen

@@ -1,6 +1,7 @@
 """What the machine gives: cores, memory, homes and a cache."""
 
 import importlib
+import os
 import pwd
 import subprocess
 import sys
@@ -91,3 +92,12 @@ def test_who_waits_for_a_compiler_is_told(monkeypatch, capsys):
     monkeypatch.setattr(evaluate, "load_kernel", lambda *_, **__: time.sleep(0.3))
     evaluate.compile_for([], PAPER_NETWORK, Scenario())
     assert "Compiling" in capsys.readouterr().err
+
+
+def test_without_compiled_code_it_ends_with_one_message():
+    words = [sys.executable, "-m", "epuckhebb", "evaluate"]
+    ended = subprocess.run(
+        words, env={**os.environ, "NUMBA_DISABLE_JIT": "1"}, capture_output=True, text=True, check=False
+    )
+    assert (ended.returncode, len(ended.stderr.splitlines())) == (2, 1)
+    assert "NUMBA_DISABLE_JIT" in ended.stderr

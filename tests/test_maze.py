@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.lifetime import is_in
 from epuckhebb.tmaze.maze import (
     SIDES,
@@ -17,7 +18,9 @@ from epuckhebb.tmaze.maze import (
     Pose,
     boxes,
     gap,
+    is_reachable,
 )
+from epuckhebb.tmaze.robot import EPUCK
 from epuckhebb.tmaze.scenario import Scenario
 
 
@@ -54,6 +57,27 @@ def test_gap_is_the_distance_to_the_nearest_box():
     assert gap(2.2, 0.5, walls) == pytest.approx(0.8)
     assert gap(-3.0, 5.0, walls) == pytest.approx(5.0)
     assert gap(0.0, 0.0, walls[:0]) == math.inf
+
+
+@pytest.mark.parametrize(
+    ("plug", "sides"),
+    [
+        (Box(-0.2, 0.16, 0.02, 0.11), ["left"]),
+        (Box(0.2, 0.16, 0.02, 0.11), ["right"]),
+        (Box(0.2, 0.13, 0.02, 0.11), ["right"]),  # a gap of 28 mm is left
+        (Box(0.2, 0.11, 0.02, 0.05), []),
+        (Box(0.0, -0.1, 0.11, 0.02), ["left", "right"]),
+    ],
+)
+def test_a_goal_behind_a_plugged_arm_is_refused(plug, sides):
+    world = Scenario(placed=(plug,))
+    room = T_MAZE.start, world.boxes, EPUCK.radius_m, T_MAZE.arena_m
+    blocked = [side for side, goal in T_MAZE.goals.items() if not is_reachable(goal, 0.05, *room)]
+    assert blocked == sides
+    if sides:
+        with pytest.raises(ValueError, match=rf"^maze\.goals\.{sides[0]}:"):
+            world.check_lifetime(Lifetime())
+        replace(world, changes=[{"at_s": 9.0, "placed": []}]).check_lifetime(Lifetime())  # it opens
 
 
 def other(**values):

@@ -33,7 +33,8 @@ def test_a_robot_can_live_in_each_maze(file):
     lamp = Lamp(**told(file)["lamp"])
     for obstacles in maze.obstacle_counts:
         for layout in range(3 if maze.niches else 1):
-            Scenario(maze=maze, obstacles=obstacles, layout=layout, lamp=lamp)
+            world = Scenario(maze=maze, obstacles=obstacles, layout=layout, lamp=lamp)
+            world.check_lifetime(Lifetime())
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)

@@ -18,11 +18,11 @@ import epuckhebb
 from epuckhebb import Rule
 from epuckhebb.config import EvaluateConfig, EvolveConfig, load, plugins
 from epuckhebb.config.parts import KINDS, part_class
+from epuckhebb.controller.compiling.errors import PartError
 from epuckhebb.controller.controller import Controller
 from epuckhebb.controller.evolved import Evolved
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import Network
-from epuckhebb.controller.own_class import PartError
 from epuckhebb.flock.coupling import Coupling, Moment, changed
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.store.genome import load_genome
@@ -125,6 +125,14 @@ def test_what_cannot_be_a_part_is_refused_with_its_key(kind):
 
 
 @pytest.mark.usefixtures("here")
+@pytest.mark.parametrize(("kind", "attribute"), [("rule", "evolved"), ("rule", "with_reward"), ("wiring", "evolved")])
+def test_what_is_evolved_is_a_mapping_to_evolved(kind, attribute):
+    for value in ("{'a': 3}", "3"):
+        with pytest.raises(ConfigError, match=f"{KINDS[kind].base.KEY}=.*: {attribute} must"):
+            config_with(kind, part(kind, more=f"{attribute}: ClassVar = {value}"))
+
+
+@pytest.mark.usefixtures("here")
 @pytest.mark.parametrize("kind", METHODS)
 def test_a_part_without_its_method_is_refused(kind):
     with pytest.raises(ConfigError, match=f"{KINDS[kind].base.METHODS[0]}"):
@@ -207,6 +215,11 @@ BAD = {  # a name, and the words with which its part is evaluated or evolved
                 "wiring", "100001 weights or more"),
     "alone": (part("wiring").replace("[(0, inputs + 4), (0, inputs + 5)]", "[]"), "wiring", "gives none"),
     "failing": (part("wiring").replace("[(0, inputs + 4), (0, inputs + 5)]", "[][1]"), "wiring", "IndexError"),
+    **{f"can write by {what}": (part("fitness", method=f"@staticmethod\n    def step(readings):\n        {store}\n"
+                                     "        return 0.5"), "fitness", f"`step` uses {what}")
+       for what, store in (("flat", "readings.flat[3] = 0.0"),
+                           ("nditer", "for one in np.nditer(readings): one[()] = 0.0"),
+                           ("ascontiguousarray", "np.ascontiguousarray(readings)[3] = 0.0"))},
     "one wheel": (part("wiring").replace("(3, 2)", "(3, 1)"), "wiring", "`sizes`"),
 }  # fmt: skip
 
@@ -247,6 +260,17 @@ COMPILED = {  # it takes a kernel to find these; the first is among the ordinary
            ("fitness", "step", "readings", "readings[3]"), ("change signal", "signal", "readings", "readings[0]"),
            ("change signal", "signal", "nominal", "nominal.reading_mean[0, 0]"),
            ("sensor", "read", "walls", "walls[1:][0, 0]"))},
+    **{f"reads beyond {what}": (text, kind, f"{name} reads or writes beyond the end of an array")
+       for what, name, kind, text in (
+           ("a table", "Fine", "fitness", part("fitness", method="step = staticmethod(lambda left: TABLE[100000])")
+            + "TABLE = np.arange(9.0)\n"),
+           ("the readings", "Fine", "fitness",
+            part("fitness", method="step = staticmethod(lambda readings: readings[16])")),
+           ("the readings of a signal", "Fine", "change signal",
+            part("change signal", method="signal = staticmethod(lambda readings: readings[16])")),
+           ("a table in a helper", "Fine", "fitness",
+            part("fitness", method="step = staticmethod(lambda left: helper(100000))")
+            + "import numba\nTABLE = np.arange(9.0)\n@numba.njit\ndef helper(k): return TABLE[k]\n"))},
     "is no number": (part("change signal", method="signal = staticmethod(lambda time_s: np.sqrt(0.1 - time_s))"),
                      "change signal", "gave nan on a left trial of scenario base at step 5 of 250"),
     "has no such setting": (part("rule", method="synapse = staticmethod(lambda pre, by: pre * by.mor)"), "rule", "mor"),

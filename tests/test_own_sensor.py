@@ -8,8 +8,8 @@ import pytest
 
 from epuckhebb import Lifetime, Sensor
 from epuckhebb.config import plugins
+from epuckhebb.controller.compiling.errors import PartError
 from epuckhebb.controller.network import Network
-from epuckhebb.controller.own_class import PartError
 from epuckhebb.tmaze.batch import run_lifetimes
 from epuckhebb.tmaze.individual import Individual
 from epuckhebb.tmaze.robot import EPUCK, Robot

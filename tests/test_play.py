@@ -11,6 +11,7 @@ import struct
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -272,7 +273,10 @@ def test_no_file_but_the_page_is_served(live, path):
 
 
 BAD_BODIES = [b"", b"{", b"\xff", b"[" * 30000]
-BAD_BODIES += [b'{"do": "change", "values": 3}', b'{"do": "speed", "value": "x"}']
+BAD_BODIES += [b'{"do": "change", "values": 3}', b'{"do": "change", "values": {"at_s": -5, "light": 0.5}}', b"3", b"{}"]
+BAD_BODIES += [f'{{"do": "speed", "value": {value}}}'.encode() for value in ('"x"', "NaN", "Infinity", "-1", "1e300")]
+BAD_BODIES += [b'{"do": "fly"}', b'{"do": "new", "words": 3}', b'{"do": "new", "words": [], "side": "up"}']
+BAD_BODIES += [b'{"do": "new", "words": [], "changes": %s}' % changes for changes in (b"3", b"[3]", b'[{"at_s": -1}]')]
 NO_LIVES = [["hebbian=mine"], ["seed=[1]"], ["adaptation=none hebbian=oja"], ["seed=-1"], [3], ["hydra.verbose=true"]]
 NO_LIVES += [["hebbian.rule=mine.py:Mine"], ["genome=/tmp/champion.npz"], ["lifetime.gain_rad_s=${oc.env:HOME}"]]
 BAD_BODIES += [json.dumps({"do": "new", "words": words}).encode() for words in NO_LIVES]
@@ -288,6 +292,18 @@ def test_a_bad_wish_is_answered_with_a_sentence_and_the_world_goes_on(live):
     before = live.world.steps
     assert do(live, do="step") == {}
     assert live.world.steps == before + 1
+
+
+@pytest.mark.parametrize("length", ["99999999999", "-1", "1e3", ""])
+def test_a_wish_of_no_length_that_can_be_is_not_read(live, length):
+    assert ask(live, body="{}", Content_Length=length)[0].status == 413
+
+
+def test_three_new_lives_at_once_begin_one_after_the_other(live):
+    before = live.life
+    with ThreadPoolExecutor(3) as pool:
+        answers = list(pool.map(lambda seed: do(live, do="new", words=[*WORDS, f"seed={seed}"]), (1, 2, 3)))
+    assert (answers, live.life) == ([{}] * 3, before + 3)
 
 
 def test_a_life_pauses_when_nobody_watches(live):

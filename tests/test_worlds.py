@@ -8,7 +8,7 @@ import pytest
 from gymnasium.spaces import Box, Dict, Discrete, MultiBinary, MultiDiscrete, Text, Tuple, flatten
 from gymnasium.wrappers import RescaleAction
 
-from epuckhebb.controller.own_class import PartError
+from epuckhebb.controller.compiling.errors import PartError
 from epuckhebb.controller.random import Stream, rng
 from epuckhebb.worlds.environment import Environment, Lived, World
 from epuckhebb.worlds.spaces import Reader, actor, parts_of

@@ -20,7 +20,7 @@ _OF_SIGNAL = {  # the arguments that `signal` may have, and how the kernel has t
     "time_s": "now.time_s",
     "away_s": "now.away_s",
     "arrived": "now.arrived",
-    "readings": "now.recent",
+    "readings": "now.recent[:-1]",
     "fitness": "float(now.recent[now.recent.shape[0] - 1])",
     "nominal": "nominal",
     "state": "state",
@@ -45,7 +45,7 @@ class ChangeSignal(OwnClass):
         time_s       since the start, s
         away_s       since the start, or since the robot was last at the goal, s
         arrived      whether it ever was
-        readings     recent means of the sensor readings; what follows them is no reading
+        readings     recent means of the sensor readings
         fitness      the recent mean of the live fitness
         nominal      the same in the training world: `NominalOfSide`
         state        the numbers named in the class attribute `state`, to be read and set

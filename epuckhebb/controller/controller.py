@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.compiling.errors import explained
+from epuckhebb.controller.compiling.errors import PartError, explained
 from epuckhebb.controller.compiling.kernel import SameTypes, kernel
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.genotype import Genotype, initial_state
 from epuckhebb.controller.network import PAPER_NETWORK, Network
-from epuckhebb.controller.own_class import PartError, own_of, stored
+from epuckhebb.controller.own_class import own_of, stored
 from epuckhebb.controller.plasticity.control import Control
 from epuckhebb.controller.plasticity.control import signs as signs_of
 from epuckhebb.controller.plasticity.rule import NO_RULE, Rule, Schedule, bound_of, schedule_of

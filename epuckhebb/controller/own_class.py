@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import fields
 from enum import Enum
 from pathlib import Path
-from types import ModuleType
+from types import FunctionType, ModuleType
 from typing import Any, ClassVar, cast
 
 import numpy as np
@@ -19,18 +19,17 @@ from numba import TypingError, types
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from epuckhebb.controller.compiling.errors import MUST_GIVE_A_NUMBER
-from epuckhebb.controller.compiling.kernel import BUILDING_BLOCK, compiled, compiled_whole, in_module
+from epuckhebb.controller.compiling.errors import MUST_GIVE_A_NUMBER, PartError
+from epuckhebb.controller.compiling.kernel import BUILDING_BLOCK, compiled, compiled_checked, in_module
 from epuckhebb.controller.compiling.readonly import readonly
+from epuckhebb.controller.evolved import Evolved
 from epuckhebb.controller.ranges import check
 
 _OURS = Path(__file__).parents[1]
+# By these, numba 0.68 writes into an array that is read-only (`findings/numba_readonly.sh`).
+_WRITE_THROUGH = {"flat", "nditer", "ascontiguousarray", "asfortranarray", "fill_diagonal"}
 _overload: Any = overload  # it has no type for options of compilers
 namedtuple_of: Any = namedtuple  # mypy wants the names of the fields written out
-
-
-class PartError(ValueError):
-    """A part of the user's failed, or gave what it may not give; the message says which, and what it gave."""
 
 
 class OwnClass:
@@ -79,6 +78,10 @@ class OwnClass:
     @classmethod
     def check_class(cls) -> None:
         """Check a subclass; else a ValueError."""
+        for name in ("evolved", "with_reward"):
+            values = getattr(cls, name, {})
+            if not isinstance(values, Mapping) or not all(isinstance(one, Evolved) for one in values.values()):
+                raise ValueError(f"{cls.what()}: {name} must be a mapping of names to Evolved(...), got {values!r}")
         base = base_of(cls)
         given = [name for name in cls.METHODS if getattr(cls, name, None) is not getattr(base, name, None)]
         if cls.METHODS and not given:
@@ -173,6 +176,16 @@ def _number(value: Any) -> Callable[[Any], float]:
 _overload(number, jit_options=BUILDING_BLOCK)(_number)
 
 
+def _names_in(function: Any, seen: set[Any]) -> Iterator[str]:
+    """The names in the code of a function, and of those that it calls by a global name."""
+    plain = getattr(function, "py_func", function)
+    if isinstance(plain, FunctionType) and plain not in seen:
+        seen.add(plain)
+        yield from plain.__code__.co_names
+        for name in plain.__code__.co_names:
+            yield from _names_in(plain.__globals__.get(name), seen)
+
+
 def call_of(function: Any, names: Collection[str], how: Mapping[str, str], given: str, **parts: Any) -> Any:
     """A building block with the arguments `given`, which calls a static method of a user's.
 
@@ -181,7 +194,10 @@ def call_of(function: Any, names: Collection[str], how: Mapping[str, str], given
     other names in `how`.
     """
     call = f"lambda {given}: function({', '.join(f'readonly({how[name]})' for name in names)})"
-    called = compiled_whole(in_module(function, __name__))
+    own = not Path(function.__code__.co_filename).is_relative_to(_OURS)
+    if names := sorted(_WRITE_THROUGH.intersection(_names_in(function, set()))) if own else []:
+        raise ValueError(f"`{function.__name__}` uses {', '.join(names)}, which can write into arrays of others")
+    called = (compiled_checked if own else compiled)(in_module(function, __name__))
     return compiled(eval(call, {"function": called, "readonly": readonly, "math": math, **parts}))
 
 

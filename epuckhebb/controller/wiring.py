@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.compiling.errors import PartError
 from epuckhebb.controller.compiling.readonly import readonly
 from epuckhebb.controller.evolved import Evolved
-from epuckhebb.controller.own_class import OwnClass, PartError, stored
+from epuckhebb.controller.own_class import OwnClass, stored
 from epuckhebb.controller.ranges import within
 
 MOST_SYNAPSES = 100_000  # more is surely a typing error
@@ -107,7 +108,7 @@ class Wiring(OwnClass):
         super().check_class()
         what = cls.what()
         for name, evolved in cls.evolved.items():
-            if not isinstance(evolved, Evolved) or evolved.per not in _PER:
+            if evolved.per not in _PER:
                 raise ValueError(f"{what}: {name} must be Evolved(per=...), one of {', '.join(_PER)}, got {evolved}")
             if name in OF_NEURON:
                 raise ValueError(f"{what}: an evolved parameter cannot be called {name}, which means something else")

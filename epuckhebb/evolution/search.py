@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.compiling.errors import PartError
 from epuckhebb.controller.genome import GenomePlan
-from epuckhebb.controller.own_class import PartError, calling, is_own
+from epuckhebb.controller.own_class import calling, is_own
 from epuckhebb.evolution.optimizer import Algorithm, Optimizer
 from epuckhebb.tmaze.own_fitness import OF_OUTCOME
 

@@ -3,7 +3,7 @@
 import io
 import json
 import math
-from dataclasses import asdict
+from dataclasses import MISSING, asdict, fields
 from enum import Enum
 from pathlib import Path
 from string import Template
@@ -30,6 +30,17 @@ _GPS_AXES = [[0, 1.0], [1, 1.0]]  # X and Y of a maze among the axes of the worl
 _WALL_HEIGHT_M = 0.05  # as in the published world
 _SUN_UP = 0.776  # upward part of the unit vector towards the sun, as in the published world
 _CHAMPION = "champion.json"  # what the controller has to know
+_IN_WORLD = {
+    "light",
+    "lamp",
+    "sun_turn_deg",
+    "obstacles",
+    "layout",
+    "placed",
+    "maze",
+    "goals",
+}  # settings of a scenario
+_OF_OURS = {"name", "experiment", "paper_N", "paper_duration_s", "physics"}  # those that are none of the world
 _CONTROLLER, _WORLD = (Path(__file__).with_name(f"webots_{name}") for name in ("controller.py", "world.wbt"))
 _WALL = """Solid {{
   translation {x:.6f} {y:.6f} {middle:.6f}
@@ -65,10 +76,19 @@ def webots(what: str, folder: Path) -> tuple[list[Path], str]:
     }
     for file, content in written.items():
         write_atomic(file, content)
-    return list(written), (
+    missing = left_out(config.world)
+    note = f"Left out, which the files do not have: {', '.join(missing)}.\n" if missing else ""
+    return list(written), note + (
         f"Next: put this folder below controllers/ of a Webots project, move {name}.wbt into its worlds/, and open it; "
         "see docs/webots.md."
     )
+
+
+def left_out(world: Scenario) -> list[str]:
+    """What differs from the paper's robot and task, and is not in what is written for Webots, as `scenario.KEY`."""
+    defaults = {one.name: one.default if one.default is not MISSING else None for one in fields(world)}
+    differs = [name for name, value in defaults.items() if getattr(world, name) not in (value, ())]
+    return [f"scenario.{name}" for name in differs if name not in _IN_WORLD | _OF_OURS]
 
 
 def _world(world: Scenario, controller: str) -> str:

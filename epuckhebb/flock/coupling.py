@@ -10,8 +10,9 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.compiling.errors import PartError
 from epuckhebb.controller.compiling.readonly import readonly
-from epuckhebb.controller.own_class import OwnClass, PartError, calling
+from epuckhebb.controller.own_class import OwnClass, calling
 from epuckhebb.controller.ranges import within
 
 

@@ -19,12 +19,14 @@ from typing import Any, Self
 
 from epuckhebb.live import flock, page
 from epuckhebb.live.flock import LiveFlock
+from epuckhebb.live.page import SPEEDS
 from epuckhebb.live.world import LiveWorld
 from epuckhebb.tmaze.robot import STEP_S
 
 PORT = 8470
 _FRAME_S = 1 / 30
 _AT_MOST = 1000  # steps between two frames, as fast as it goes
+_LENGTH = re.compile(r"\d{1,6}")  # of a wish, in bytes: less than a megabyte
 _BEHIND_S = 0.25  # a machine that was busy or asleep catches up with no more than that
 # What a link may set: names and numbers of the program, and no file.
 _LINKED = re.compile(r"(scenario|change|hebbian|adaptation|genome|seed|physics|maze|lifetime)(\.\w+)*=[\w.,\[\]-]*")
@@ -46,7 +48,7 @@ class Play:
         self.life, self.version, self.watchers = 0, 0, 0
         self.speed, self.is_playing, self.has_ended = 8.0, False, False
         self.prepares, self.trouble = "", ""  # a new life, while it is compiled; why the world stopped
-        self._due = time.perf_counter()
+        self._due, self._begins = time.perf_counter(), threading.Lock()  # one new life after the other
         self.secret = secrets.token_urlsafe(24)
         try:
             self._server = _Server(("127.0.0.1", port), _Handler)
@@ -126,20 +128,23 @@ class Play:
                     return {"step": self.world.steps}
             case {"do": "play", "value": value}:
                 self._set(is_playing=bool(value))
-            case {"do": "speed", "value": value}:
+            case {"do": "speed", "value": value} if value in SPEEDS:
                 self._set(speed=float(value))
             case {"do": "step"}:
                 with self.news:
                     self._step(1)
                     self._set(is_playing=False)
-            case {"do": "new", "words": words}:
-                self._begin_anew(words, wish.get("side", self.world.side), wish.get("changes", ()))
+            case {"do": "new", "words": [*words]}:
+                with self._begins:
+                    self._begin_anew(words, wish.get("side", self.world.side), wish.get("changes", ()))
             case {"do": "link"} if isinstance(self.world, LiveWorld):
                 with self.news:
                     return {"words": self.world.words, "side": self.world.side, "changes": self.world.changes}
             case {"do": "save"} if isinstance(self.world, LiveWorld):
                 with self.news:
                     return self.world.save()
+            case _:
+                raise ValueError(f"there is no such wish: {str(wish)[:200]}")
         return {}
 
     def _set(self, **values: Any) -> None:
@@ -213,8 +218,12 @@ class _Handler(BaseHTTPRequestHandler):
         if self.path != "/do" or not self._is_from_page():
             self.send_error(HTTPStatus.FORBIDDEN)
             return
+        length = self.headers.get("Content-Length", "")
+        if not _LENGTH.fullmatch(length):
+            self.send_error(HTTPStatus.REQUEST_ENTITY_TOO_LARGE)
+            return
         try:
-            answer = self.server.play.do(json.loads(self.rfile.read(int(self.headers["Content-Length"]))))
+            answer = self.server.play.do(json.loads(self.rfile.read(int(length))))
         except (ValueError, TypeError, ArithmeticError, OSError, RuntimeError) as error:  # a ConfigError, too
             answer = {"error": str(error)}
         content = json.dumps(answer).encode()

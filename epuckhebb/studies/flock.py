@@ -15,7 +15,7 @@ import pandas as pd
 
 from epuckhebb.analysis.tables import Table
 from epuckhebb.config import MOST_THREADS, Plain, from_values, load, part_class, part_from, part_settings, register
-from epuckhebb.controller.own_class import PartError
+from epuckhebb.controller.compiling.errors import PartError
 from epuckhebb.controller.ranges import check as check_ranges
 from epuckhebb.controller.ranges import within
 from epuckhebb.flock import replay, tables

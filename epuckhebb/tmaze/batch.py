@@ -5,10 +5,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from epuckhebb.controller.compiling.errors import NotCompiledError
+from epuckhebb.controller.compiling.errors import PartError
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import HIDDEN, Network
-from epuckhebb.controller.own_class import PartError
 from epuckhebb.controller.plasticity.control import Control, yoking
 from epuckhebb.controller.plasticity.rule import NoRule
 from epuckhebb.controller.plasticity.rules.paper import Paper
@@ -99,7 +98,7 @@ def load_kernel(
         lifetimes = (run_lifetimes([dummy], world, lifetime, weight_path=weight_path) for _ in range(2 if own else 1))
         first, *again = (done for (done,) in lifetimes)
     except (Exception, SystemExit) as error:  # what a user's own part may raise has no end
-        if not own or isinstance(error, NotCompiledError | PartError | LostRobotError):
+        if not own or isinstance(error, PartError | LostRobotError):
             raise
         raise ValueError(f"{named} failed: {type(error).__name__}: {error}") from error
     if again and _content(first) != _content(again[0]):

@@ -25,7 +25,7 @@ CONTACT = 0.8  # a distance reading above this counts as contact, as in the publ
 
 # The parts of a lifetime; `epuckhebb.tmaze.simulator` puts them here.
 _part: Any = None
-OUTPUT, SUBSTEPS, HAS_RULE, HAS_TRIALS, HAS_SCORE, resets = 0, 1, False, False, False, False
+INPUTS, OUTPUT, SUBSTEPS, HAS_RULE, HAS_TRIALS, HAS_SCORE, resets = 0, 0, 1, False, False, False, False
 draw_noise = sense = apply_sensor_faults = blind = reward_input = scale = _part  # sense
 forward = nearest = score = _part  # act, score
 open_gate = average = modulate = is_due = learn = begin_updates = end_updates = record_tilt = _part  # learn
@@ -82,10 +82,8 @@ def decide(
     tally.contacts += nearness > CONTACT
     live_fitness = fitness.live_fitness(setup, tally, activation, left, right, behaviour, step)
     if HAS_SCORE:
-        own, contact = life.score[0], nearness > CONTACT
-        worth = score(
-            tally, own, setup.fitness, left, right, nearness, contact, behaviour, at, activation, step * STEP_S
-        )
+        own, contact, readings = life.score[0], nearness > CONTACT, activation[:INPUTS]
+        worth = score(tally, own, setup.fitness, left, right, nearness, contact, behaviour, at, readings, step * STEP_S)
         own.sum += worth
         if setup.signal == fitness.OWN:
             live_fitness = worth

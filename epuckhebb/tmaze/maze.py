@@ -196,6 +196,32 @@ def added(before: Floats, after: Floats) -> Floats:
     return new
 
 
+def is_reachable(goal: Place, near_m: float, start: Pose, walls: Floats, radius_m: float, arena_m: float) -> bool:
+    """Whether walls leave a robot of this radius a way from its start to less than `near_m` from a goal.
+
+    The robot counts as the square in its circle: so it is never False where there is a way, and may be True where a gap
+    is too narrow by less than a third.
+    """
+    left, right, bottom, top = (walls + radius_m / math.sqrt(2.0) * np.array([-1.0, 1.0, -1.0, 1.0])).T
+    ends = np.array([[*left, *right, -arena_m, arena_m], [*bottom, *top, -arena_m, arena_m]])
+    xs, ys = map(np.unique, ends.clip(-arena_m, arena_m))
+    x, y = (xs[1:] + xs[:-1])[:, None, None] / 2.0, (ys[1:] + ys[:-1])[None, :, None] / 2.0
+    free = ~((left < x) & (x < right) & (bottom < y) & (y < top)).any(axis=2)
+    reached = np.zeros_like(free)
+    reached[np.searchsorted(xs, start.x) - 1, np.searchsorted(ys, start.y) - 1] = True
+    before = ~reached
+    while (before != reached).any():
+        before = reached.copy()
+        reached[1:] |= before[:-1]
+        reached[:-1] |= before[1:]
+        reached[:, 1:] |= before[:, :-1]
+        reached[:, :-1] |= before[:, 1:]
+        reached &= free
+    beside = np.maximum(np.maximum(xs[:-1] - goal.x, goal.x - xs[1:]), 0.0)[:, None]
+    ahead = np.maximum(np.maximum(ys[:-1] - goal.y, goal.y - ys[1:]), 0.0)
+    return bool((reached & (np.hypot(beside, ahead) < near_m)).any())
+
+
 def gap(x: float, y: float, walls: Floats) -> float:
     """Distance [m] from a point to the nearest box of `walls` (boxes, 4); 0 inside one."""
     left, right, bottom, top = walls.T

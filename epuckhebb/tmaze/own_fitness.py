@@ -12,8 +12,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from epuckhebb.controller.compiling.errors import PartError
 from epuckhebb.controller.compiling.kernel import zero
-from epuckhebb.controller.own_class import OwnClass, PartError, calling, number_of
+from epuckhebb.controller.own_class import OwnClass, calling, number_of
 
 PAPER = "paper"
 _OF_STEP = {  # the arguments that `step` may have, and how the kernel has them

@@ -13,7 +13,7 @@ from epuckhebb.tmaze.changes import AT_ONCE, GROUPED, check_changes, check_kind,
 from epuckhebb.tmaze.faults import LONGEST_DELAY
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.light import BRIGHTEST, Lamp
-from epuckhebb.tmaze.maze import T_MAZE, Box, Maze, Place, Pose, Side, boxes, edges
+from epuckhebb.tmaze.maze import T_MAZE, Box, Maze, Place, Pose, Side, boxes, edges, is_reachable
 from epuckhebb.tmaze.own_fitness import PAPER_FITNESS, Fitness
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.physics_engine import Physics
@@ -182,6 +182,10 @@ class Scenario:
         if lifetime.gain_rad_s > robot.motor_limit_rad_s:
             allowed = f"more than 0 and at most robot.motor_limit_rad_s, {robot.motor_limit_rad_s:g}"
             raise ValueError(f"lifetime.gain_rad_s must be {allowed}, got {lifetime.gain_rad_s}")
+        for side, goal in () if self.events else self.goals_now.items():
+            room = self.maze.start, self.boxes, robot.radius_m, self.maze.arena_m
+            if not is_reachable(goal, self.maze.goal_radius_m, *room):
+                raise ValueError(f"maze.goals.{side}: walls leave no way from maze.start to {goal.x:g}, {goal.y:g}")
         for where, change in self.events:
             if change["at_s"] >= lifetime.duration_s:
                 raise ValueError(f"{where}.at_s must be less than lifetime.duration_s, got {change['at_s']}")

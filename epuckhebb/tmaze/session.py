@@ -9,9 +9,9 @@ import math
 import numpy as np
 
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.compiling.errors import explained
+from epuckhebb.controller.compiling.errors import PartError, explained
 from epuckhebb.controller.genotype import initial_state
-from epuckhebb.controller.own_class import OwnClass, PartError, own_of
+from epuckhebb.controller.own_class import OwnClass, own_of
 from epuckhebb.controller.plasticity.control import NO_YOKING, Track
 from epuckhebb.controller.plasticity.rule import bound_of
 from epuckhebb.tmaze import fitness

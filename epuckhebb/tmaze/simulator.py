@@ -158,6 +158,7 @@ def kernel_of(
         return _kernels[page, values]
     check_inputs(network, world)
     parts = {
+        "INPUTS": network.inputs,
         "OUTPUT": network.first_output,
         "HAS_TRIALS": task.has_trials,
         "HAS_SCORE": scoring.step is not None,

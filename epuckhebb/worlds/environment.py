@@ -15,9 +15,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.compiling.errors import NotCompiledError
+from epuckhebb.controller.compiling.errors import PartError
 from epuckhebb.controller.controller import Controller
-from epuckhebb.controller.own_class import PartError, calling
+from epuckhebb.controller.own_class import calling
 from epuckhebb.controller.random import Stream, rng
 from epuckhebb.controller.ranges import check, within
 from epuckhebb.worlds.changes import AT, DELAY, Faults, apply
@@ -210,7 +210,7 @@ class World:
                 if has_ended or is_cut:
                     break
             _finite(rewards.sum(), "the sum of the rewards")
-        except (PartError, NotCompiledError):
+        except PartError:
             raise
         except BaseException:
             with calling(f"environment {self.name}: {f'step {step}' if step >= 0 else 'reset'} (seed {seed})"):

@@ -12,12 +12,22 @@ _WRITES = "Cannot modify readonly array"
 MUST_GIVE_A_NUMBER = "must give a number"
 
 
-class NotCompiledError(ValueError):
+class PartError(ValueError):
+    """A part of the user's failed, or gave what it may not give; the message says which, and what it gave."""
+
+
+class NotCompiledError(PartError):
     """A plasticity rule or another part cannot be compiled; the message says why."""
 
 
-def explained(parts: Sequence[Any], error: Exception) -> NotCompiledError:
-    """The error of parts of the user's that do not compile: numba's last reason for the innermost function."""
+def explained(parts: Sequence[Any], error: Exception) -> PartError:
+    """The error of parts of the user's that do not compile: numba's last reason for the innermost function.
+
+    Where they were compiled, an index was beyond the end of an array.
+    """
+    names = " or ".join(f"{part.KEY}={inspect.getsourcefile(part)}:{part.__name__}" for part in parts)
+    if isinstance(error, IndexError):
+        return PartError(f"{names} reads or writes beyond the end of an array: {error}")
     text = _COLOUR.sub("", str(error))
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     causes = [number for number, line in enumerate(lines) if line.startswith("Rejected as")]
@@ -31,6 +41,5 @@ def explained(parts: Sequence[Any], error: Exception) -> NotCompiledError:
         reason = ["it writes into an array that it is handed, and others read it after it: write into its state"]
     if found := re.search(f"{MUST_GIVE_A_NUMBER}.*", text):
         reason = [f"{' or '.join(f'`{part.METHODS[0]}`' for part in parts if part.METHODS)} {found[0]}"]
-    names = " or ".join(f"{part.KEY}={inspect.getsourcefile(part)}:{part.__name__}" for part in parts)
     lines = [f"{names} does not compile:", *dict.fromkeys(reason)][:_LINES]
     return NotCompiledError((" " if len(lines) == 2 else "\n").join(lines))

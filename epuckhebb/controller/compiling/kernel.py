@@ -24,7 +24,7 @@ import numpy as np
 import platformdirs
 from numba.extending import register_jitable
 
-from epuckhebb.controller.compiling.inlining import InlinedCompiler
+from epuckhebb.controller.compiling.inlining import CheckedCompiler, InlinedCompiler
 from epuckhebb.controller.compiling.sources import UnknownSourceError, kernel_key
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -36,7 +36,7 @@ if _settings.DISABLE_JIT:
 MOST_CALLS = 16  # that are written out
 BUILDING_BLOCK: dict[str, Any] = {"forceinline": True, "pipeline_class": InlinedCompiler, **_OPTIONS}
 _building_block: Any = register_jitable(**BUILDING_BLOCK)
-_whole: Any = register_jitable(forceinline=True, **_OPTIONS)
+_checked: Any = register_jitable(forceinline=True, pipeline_class=CheckedCompiler, **_OPTIONS)
 _njit: Any = numba.njit
 
 
@@ -48,9 +48,12 @@ def compiled(function: Function) -> Function:
     return cast(Function, _building_block(function))
 
 
-def compiled_whole(function: Function) -> Function:
-    """The same for a function of the user's, by numba's own steps: without them, a `print` in it would never return."""
-    return cast(Function, _whole(function))
+def compiled_checked(function: Function) -> Function:
+    """Make a function of the user's usable in kernels. An index beyond an array raises an IndexError there.
+
+    It is compiled by numba's own steps: without them, a `print` in it would never return.
+    """
+    return cast(Function, _checked(function))
 
 
 # Parts that do nothing, whatever they are given.

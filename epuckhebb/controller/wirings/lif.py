@@ -4,6 +4,8 @@
     s = 1 and v = 0, if v >= threshold; then v stays 0 for the refractory time
     readout y' = -y + U s           y: outputs
 
+A refractory time of n substeps leaves out n of them after a spike; Brian2 counts from the substep of the spike: n - 1.
+
 The solution is exact for a drive that is constant in a substep. So the time between two spikes at a constant drive I is
 refractory + tau ln(I / (I - threshold)), in whole substeps (Gerstner et al. 2014, Neuronal Dynamics, section 1.3).
 """

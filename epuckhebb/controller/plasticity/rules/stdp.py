@@ -3,6 +3,9 @@
     a'   = a e^(-step / tau) + x          traces of both neurons; x: 1 at a spike, else 0
     D    = A+ a_j' x_i - A- x_j a_i'
 
+Both traces are updated first, then the weight. So a pair in one substep (dt = 0) counts in both terms and changes a
+weight by A+ - A-, -.05 with the defaults. Other orders give 0, +1 or -1.05 (`docs/spikes.md`).
+
 A pair of spikes dt apart changes a weight by A+ e^(-dt / tau+), or by -A- e^(-dt / tau-). An activation between -1 and
 1, such as a sensor reading, counts as so much of a spike in each substep.
 
