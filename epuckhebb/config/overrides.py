@@ -19,9 +19,9 @@ from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.adaptation.adaptation import NONE, Adaptation
 from epuckhebb.config.schema import OPEN, SCHEMAS
-from epuckhebb.config.yaml_file import check_numbers
 from epuckhebb.controller.own_class import OwnClass
 from epuckhebb.runtime import ConfigError, conf, data_folder, did_you_mean
+from epuckhebb.runtime.yaml_file import check_numbers
 
 RUN_DIR, SWEEP_DIR = "hydra.run.dir=", "hydra.sweep.dir="
 _FORCED_DIR = re.compile(rf"^\+\+(?={RUN_DIR}|{SWEEP_DIR})")
