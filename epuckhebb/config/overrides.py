@@ -185,6 +185,10 @@ def for_hydra(command: str, words: Iterable[str]) -> tuple[str, list[str]]:
             result.append(f"environment.{word}")
         elif word.startswith(_ENVIRONMENT) and ".py:" in word:
             result += [f"{_ENVIRONMENT}{ANY}", f"environment.id={word.removeprefix(_ENVIRONMENT)}"]
+        elif word.startswith("hydra.searchpath=") and isinstance(paths := parsed([word])[0].value(), list):
+            folders = [str(path).removeprefix("file://") for path in paths]
+            served = [one if "://" in one else f"choices://{Path(one).absolute()}" for one in folders]
+            result.append(f"hydra.searchpath=[{','.join(map(quoted, served))}]")
         elif word != _MAZE:
             result.append(word)
     return command, result
