@@ -158,6 +158,15 @@ def test_what_differs_is_told_of_the_scenario_that_was_chosen(mine):
     assert composed("evaluate", ["scenario=2obstacles"], "conf").changed == ""
 
 
+@pytest.mark.parametrize("scheme", ["", "file://"])
+def test_a_search_path_of_hydras_has_files_and_rows_too(mine, tmp_path, scheme):
+    mine("light: 0.7\n", "change/dusk.yaml")
+    mine("mine: {defaults: [base, _self_], obstacles: 2}\n", "scenarios.yaml")
+    path = f"hydra.searchpath=['{scheme}{tmp_path / 'conf'}']"
+    read = composed("evaluate", [path, "scenario=mine", "change=dusk", "scenario.layout=1"])
+    assert (read.scenario.light, read.scenario.obstacles, read.changed) == (0.7, 2, "layout=1")
+
+
 def test_a_maze_of_the_users_with_the_name_of_the_programs(mine):
     maze = (data_folder("conf") / "maze" / "t_maze.yaml").read_text()
     mine(maze.replace("arena_m: 0", "arena_m: 1"), "maze/t_maze.yaml")

@@ -25,6 +25,7 @@ from epuckhebb.config.source import Choices
 from epuckhebb.runtime import ConfigError, data_folder
 
 VERSION_BASE = "1.3"  # of Hydra
+SEARCH_PATH = "hydra.searchpath="
 USERS = "command-line"  # who brings the user's folder, as Hydra names it for its own --config-dir
 NULL = "None"  # the choice of a group of which none was made
 BRIGHT, DIM = 1.0, 0.1  # the light of the two experiments
@@ -63,7 +64,7 @@ def by_hydra(command: str, overrides: list[str], config_dir: str | None = None) 
     name, words = for_hydra(command, overrides)
     if name in SCHEMAS:
         check_words(name, words)
-    if config_dir is not None:
+    if config_dir is not None or any(SEARCH_PATH in word for word in words):
         return _composed(name, tuple(words), config_dir)
     found = _composed_once(name, tuple(words), None)
     return found._replace(cfg=found.cfg.copy())

@@ -21,7 +21,7 @@ from epuckhebb.config.errors import explain
 from epuckhebb.config.parts import KINDS, NONE, PAPER, PART_GROUPS, part_class, part_from
 from epuckhebb.config.plugins import own_references
 from epuckhebb.config.schema import ScenarioConfig, WorldConfig
-from epuckhebb.config.source import BROUGHT, change_row, choice, folders_of, merge, named
+from epuckhebb.config.source import BROUGHT, change_row, choice, merge, named
 from epuckhebb.controller.wiring import LAYERS
 from epuckhebb.evolution.training import Training
 from epuckhebb.runtime import ConfigError, conf, data_folder, path_of, refusing, yaml_file
@@ -51,9 +51,12 @@ class Named(NamedTuple):
 
 
 def resolve(
-    command: str, cfg: DictConfig, choices: Mapping[str, str], overrides: Sequence[str], config_dir: str | None
+    command: str, cfg: DictConfig, choices: Mapping[str, str], overrides: Sequence[str], folders: Sequence[Path]
 ) -> None:
-    """Complete a configuration as Hydra composed it; it is changed. choices: of each group."""
+    """Complete a configuration as Hydra composed it; it is changed.
+
+    choices: of each group. folders: in which Hydra has looked for them, in turn.
+    """
     OmegaConf.set_struct(cfg, False)
     with refusing(explain, OmegaConfBaseException):
         if "environment" in cfg:  # first, since rows of rules refer to the maze
@@ -62,17 +65,17 @@ def resolve(
         if "environment" in cfg:
             _complete_classes(cfg)
         elif "scenario" in cfg and cfg.get("changed") is None:
-            _resolve(command, cfg, dict(choices), overrides, config_dir)
+            _resolve(command, cfg, dict(choices), overrides, folders)
 
 
 def _resolve(
-    command: str, cfg: DictConfig, choices: dict[str, str], overrides: Sequence[str], config_dir: str | None
+    command: str, cfg: DictConfig, choices: dict[str, str], overrides: Sequence[str], folders: Sequence[Path]
 ) -> None:
     for group, known in conf.groups(command).items():
         if group not in _OF_ANY_NUMBER and choices.get(group, NULL) == NULL:
             raise ConfigError(f"{group} must be one of {', '.join(known)}, got none of them, or several")
-    _make_changes(cfg, choices, config_dir)
-    world = named_world(command, choices, cfg.change, config_dir)
+    _make_changes(cfg, choices, folders)
+    world = named_world(command, choices, cfg.change, folders)
     cfg.changed = ", ".join(differences(cfg, choices, world))
     for group in _NAMED:
         if group in cfg and not cfg[group].get("name"):
@@ -87,20 +90,20 @@ def _resolve(
         _, is_own, kind = str(added.change_signal).rpartition(":")
         cfg.adaptation.name = kind.lower() if is_own else choices["adaptation"]
     if cfg.get("compare"):
-        cfg.compare = dict(_compared(str(name), given, config_dir) for name, given in cfg.compare.items())
+        cfg.compare = dict(_compared(str(name), given, folders) for name, given in cfg.compare.items())
     if ":" in str((cfg.get("optimizer") or {}).get("algorithm")) and not any(map(_OF_GA.match, overrides)):
         cfg.ga = None
     _complete_parts(cfg)
     _fit_rule(cfg, choices["hebbian"], world.cfg.hebbian)
 
 
-def _make_changes(cfg: DictConfig, choices: dict[str, str], config_dir: str | None) -> None:
+def _make_changes(cfg: DictConfig, choices: dict[str, str], folders: Sequence[Path]) -> None:
     """Write down what the changes bring, and refuse two that set the same key."""
     set_by: dict[str, str] = {}
     for name, settings in cfg.change.items():
         if settings is not None:
             raise ConfigError(f"change.{name} takes no settings, got {settings}; put them into change/{name}.yaml")
-        row = change_row(name, config_dir)
+        row = change_row(name, folders)
         for key, _ in conf.flat(row):
             if key in set_by:
                 raise ConfigError(f"change: {set_by[key]} and {name} both change {key}; give one of the two")
@@ -111,28 +114,26 @@ def _make_changes(cfg: DictConfig, choices: dict[str, str], config_dir: str | No
             cfg.physics, choices["physics"] = _physics(physics), physics
 
 
-def _compared(name: str, given: Any, config_dir: str | None) -> tuple[str, Any]:
+def _compared(name: str, given: Any, folders: Sequence[Path]) -> tuple[str, Any]:
     """What is compared, by its name; a name alone stands for the adaptation or the rule of this name."""
     if given is None and name in (NONE, PAPER):  # the run has it anyway
         return HEBBIAN, {"rule": PAPER}
     try:
         if given is None:
-            file = Path(config_dir or ".", "adaptation", f"{name}.yaml")
-            is_adaptation = name in conf.groups("evaluate")["adaptation"] or (config_dir is not None and file.is_file())
-            added = _added("adaptation" if is_adaptation else "hebbian", name, config_dir)
+            is_adaptation = any(choice(folder, "adaptation", name) for folder in folders)
+            added = _added("adaptation" if is_adaptation else "hebbian", name, folders)
             return name, {**added["hebbian"], **({"adaptation": added["adaptation"]} if is_adaptation else {})}
         if isinstance(given, DictConfig) and given.get("rule") in {*conf.table("hebbian")} - {NONE, PAPER}:
-            given = OmegaConf.merge(_added("hebbian", given.rule, config_dir)["hebbian"], given)
+            given = OmegaConf.merge(_added("hebbian", given.rule, folders)["hebbian"], given)
         if isinstance(given, DictConfig) and isinstance(given.get("adaptation"), str):
-            given.adaptation = _added("adaptation", given.adaptation, config_dir)["adaptation"]
+            given.adaptation = _added("adaptation", given.adaptation, folders)["adaptation"]
     except ConfigError as error:
         raise ConfigError(f"compare.{name}: {error}") from error
     return name, given
 
 
-def _added(group: str, name: str, config_dir: str | None) -> dict[str, Any]:
+def _added(group: str, name: str, folders: Sequence[Path]) -> dict[str, Any]:
     """The settings of a rule and of an adaptation that one choice brings, references unresolved."""
-    folders = folders_of(config_dir)
     found = named(group, name, folders)
     values = {} if group == "hebbian" else named("hebbian", found["choices"].get("hebbian", PAPER), folders)
     merge(values, found if group == "adaptation" else {**named("adaptation", NONE, folders), **found})
@@ -204,8 +205,11 @@ def training_world(config: WorldConfig, evolved_in: str = "") -> Scenario:
     if physics.name != name:
         physics = part_from("physics", _physics(name), "physics")
     is_usual = config.maze.get("name") in [change.get("maze") for change in config.change.values()]
-    maze = named("maze", T_MAZE, folders_of(None))["maze"] if is_usual else config.maze
-    values = {"scenario": {**named("scenario", trained, folders_of(None))["scenario"], "name": trained}, "maze": maze}
+    maze = named("maze", T_MAZE, [data_folder("conf")])["maze"] if is_usual else config.maze
+    values = {
+        "scenario": {**named("scenario", trained, [data_folder("conf")])["scenario"], "name": trained},
+        "maze": maze,
+    }
     cfg = OmegaConf.merge({"scenario": OmegaConf.structured(ScenarioConfig)}, values)
     world = scenario_from(OmegaConf.to_object(cfg.scenario), maze, config.robot)
     return replace(world, physics=physics)
@@ -219,16 +223,17 @@ def _physics(name: str) -> dict[str, Any]:
     return yaml_file.load(data_folder("conf") / "physics" / f"{name}.yaml")
 
 
-def named_world(command: str, choices: Mapping[str, str], changed: Iterable[str], config_dir: str | None) -> Named:
+def named_world(command: str, choices: Mapping[str, str], changed: Iterable[str], folders: Sequence[Path]) -> Named:
     """The choices that name the world, and what they are without anything else.
 
     The program's own choices are taken if there are such, so that a file of the user's that replaces one differs.
-    changed: the changes of the world, by name.
+    changed: the changes of the world, by name. folders: that have choices.
     """
+    ours = data_folder("conf")
 
     def brought(group: str, name: str) -> dict[str, Any]:
-        is_ours = choice(data_folder("conf"), group, name) is not None
-        return named(group, name, folders_of(None if is_ours else config_dir))
+        is_ours = choice(ours, group, name) is not None
+        return named(group, name, [ours] if is_ours else folders)
 
     main = yaml_file.load(conf.command_file(command))
     usual = {group: name for entry in main[DEFAULTS] if isinstance(entry, Mapping) for group, name in entry.items()}

@@ -14,7 +14,7 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config.errors import explain
-from epuckhebb.runtime import ConfigError, conf, data_folder, did_you_mean, refusing, yaml_file
+from epuckhebb.runtime import ConfigError, conf, did_you_mean, refusing, yaml_file
 
 ROOT = "_global_"  # the package of settings that also change other groups
 BROUGHT = ("maze", "physics")  # groups of which a change of the world may name another choice
@@ -49,12 +49,14 @@ def _of_whole(name: str, row: Mapping[str, Any]) -> dict[str, Any]:
     return {"defaults": [*overrides, "_self_"], "scenario": scenario, "change": {name: None}}
 
 
-def change_row(name: str, config_dir: str | None) -> Mapping[str, Any]:
+def change_row(name: str, folders: Sequence[Path]) -> Mapping[str, Any]:
     """The row of a change of the world: keys of a scenario with their new values, and what else it brings."""
-    for folder in folders_of(config_dir):
+    for folder in folders:
         if (file := folder / "change" / f"{name}.yaml").is_file():
             return yaml_file.load(file)
-    return dict(conf.table("change").get(name) or {})
+        if name in (rows := conf.table("change", folder)):
+            return dict(rows[name] or {})
+    return {}
 
 
 def names(folder: Path, group: str) -> set[str]:
@@ -98,9 +100,9 @@ def merge(settings: dict[str, Any], others: Mapping[str, Any]) -> None:
             settings[key] = value
 
 
-def folders_of(config_dir: str | Path | None) -> list[Path]:
-    """The folders that are searched: the user's, and `conf/`."""
-    return [*([Path(config_dir).absolute()] if config_dir else []), data_folder("conf")]
+def folders_of(runtime: Any) -> list[Path]:
+    """The folders in which Hydra looks for choices, in turn, from what it notes of a composition."""
+    return [Path(source.path) for source in runtime.config_sources if source.schema in ("file", Choices.scheme())]
 
 
 class Choices(ConfigSource):

@@ -93,9 +93,9 @@ def _read(path: Path, is_table: bool) -> File:
         loader = _Loader(text)
         try:
             node = loader.get_single_node()
+            _as_names(node, is_table=is_table)
             if _count(node, path, {}) > MOST_VALUES:
                 raise ConfigError(f"{path}: it stands for more than {MOST_VALUES} values, with its aliases")
-            _as_names(node, is_table=is_table)
             values = {} if node is None else loader.construct_document(node)
         finally:
             loader.dispose()
@@ -142,7 +142,7 @@ def _as_names(node: Any, *, is_table: bool) -> None:
     """Let the names of rows, and of choices in lists of defaults, be texts, whatever they look like; null is none."""
     for key, value in node.value if isinstance(node, yaml.MappingNode) else ():
         if is_table:
-            key.tag = _TEXT
+            key.tag, key.style = _TEXT, "'"
             _as_names(value, is_table=False)
         elif key.value == DEFAULTS and isinstance(value, yaml.SequenceNode):
             for entry in value.value:
@@ -150,7 +150,7 @@ def _as_names(node: Any, *, is_table: bool) -> None:
                 for _, choice in pairs:
                     for name in choice.value if isinstance(choice, yaml.SequenceNode) else [choice]:
                         if isinstance(name, yaml.ScalarNode) and name.tag != _NULL:
-                            name.tag = _TEXT
+                            name.tag, name.style = _TEXT, "'"
 
 
 def _check_order(values: dict[str, Any], path: Path) -> None:
