@@ -14,7 +14,7 @@ import yaml
 from filelock import BaseFileLock
 
 from epuckhebb.analysis.tables import Rows
-from epuckhebb.runtime import ConfigError, JobFailedError, is_interruption, open_folders, say
+from epuckhebb.runtime import ConfigError, JobFailedError, is_interruption, is_of_handler, open_folders, say
 from epuckhebb.store import disk
 from epuckhebb.store.disk import CONFIG, MULTIRUN, OVERRIDES, PROVENANCE, SCHEMA, STATUS, as_json
 from epuckhebb.store.lock import LOCK, PATIENCE_S, claim, is_locked, lock, release
@@ -162,6 +162,8 @@ class RunFolder:
                     raise JobFailedError(f"{self.path / STATUS} cannot be written: {full.strerror}") from full
             elif is_interruption(error):
                 raise KeyboardInterrupt(self._interrupted()) from None
+            elif isinstance(error, SystemExit) and is_of_handler(error):
+                self._interrupted()  # the launcher has asked for it, and must hear of it
             elif isinstance(error, Exception | SystemExit):  # a user's own part may even leave Python
                 with suppress(OSError):  # on a full disk the error itself matters
                     text = "".join(traceback.format_exception(error))
