@@ -17,7 +17,6 @@ from epuckhebb.runtime.errors import (
     interrupted,
     interruptible,
     is_interruption,
-    is_of_handler,
     open_folders,
     refusing,
 )

@@ -29,7 +29,6 @@ from epuckhebb.config import (
     values_of,
 )
 from epuckhebb.runs import hydra
-from epuckhebb.runs.jobs import failure_text
 from epuckhebb.runtime import ConfigError, JobFailedError, path_of, say
 from epuckhebb.store import STATUS, Run, RunFolder, as_json, digest, fingerprint, write_atomic
 from epuckhebb.studies.jobs import (
@@ -132,8 +131,7 @@ class Study(Checked):
         config = job["config"]
         own = own_files({"study": cls.reference, **config})
         text = yaml.safe_dump(config, sort_keys=False)
-        words = job["overrides"]
-        with RunFolder.resume(path, cls.command, text, words, facts, own, overrides=words) as run:
+        with RunFolder.new(path, cls.command, text, job["overrides"], facts, own) as run:
             for name, table in cls.do(config).items():
                 run.write(f"{name}.csv", table)
 
@@ -187,8 +185,10 @@ class Planned:
 
     def failure(self, outcome: Outcome) -> str:
         """What failed, in short; "" if nothing did."""
-        names = [(job.run, why) for job, why in outcome.failures]
-        return failure_text(names, len(self.jobs))
+        if not outcome.failures:
+            return ""
+        job, why = outcome.failures[0]
+        return f"{len(outcome.failures)} of {len(self.jobs)} jobs; {job.run}: {why}"
 
 
 def prepare(study: Study, of_hydra: Sequence[str], arguments: list[str]) -> Planned:
