@@ -117,11 +117,13 @@ def mistakes(session: nox.Session) -> None:
     """Make 60 mistakes, one at a time, in a copy of the package: which do no tests notice? `-- SEED COUNT`; hours."""
     session.install(*group("tests"), "cosmic-ray", STABLE)
     seed, count, *_ = [*session.posargs, *("1", "60")[len(session.posargs) :]]
-    copy, work = Path(session.create_tmp()) / "copy", Path(session.create_tmp()) / "mistakes.sqlite"
+    folder = Path(session.create_tmp())
+    shutil.rmtree(folder / "copy", ignore_errors=True)  # of an earlier call
+    copy, work = folder / "copy", folder / "mistakes.sqlite"
     session.run("git", "clone", "--quiet", ".", str(copy), external=True)
     session.install("-e", str(copy))
     with session.chdir(copy):
-        session.run("cosmic-ray", "init", "tests/mistakes/cosmic-ray.toml", str(work))
+        session.run("cosmic-ray", "init", "--force", "tests/mistakes/cosmic-ray.toml", str(work))
         session.run("python", "tests/mistakes", "draw", str(work), seed, count)
         session.run("cosmic-ray", "exec", "tests/mistakes/cosmic-ray.toml", str(work))
         session.run("python", "tests/mistakes", "report", str(work), success_codes=[0, 1])

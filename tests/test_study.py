@@ -82,7 +82,7 @@ def test_traces_are_of_the_first_repeat(evaluated):
 
 def test_table_in_the_papers_layout(evaluated, golden):
     rows, _ = evaluated
-    table = PaperTable.of(rows.to_dict("records"))
+    table = PaperTable.from_rows(rows.to_dict("records"))
     golden(
         "table.csv", as_csv([{k: v if k == "metric" else round(v, 9) for k, v in row.items()} for row in table.rows])
     )
@@ -93,7 +93,7 @@ def test_time_to_goal_is_the_mean_of_those_that_arrived(evaluated):
     rows = evaluated[0].copy()
     rows["time_to_goal_s"] = np.nan
     rows.loc[rows.index[0], "time_to_goal_s"] = 12.5
-    table = PaperTable.of(rows.to_dict("records")).readable()
+    table = PaperTable.from_rows(rows.to_dict("records")).readable()
     assert [row[3] for row in table.rows] == ["12.50", "–", "–", "–"]
 
 

@@ -29,7 +29,7 @@ class PaperTable:
     means: Mapping[tuple[str, str], Mapping[str, float]]
 
     @classmethod
-    def of(cls, metrics: Rows) -> "PaperTable":
+    def from_rows(cls, metrics: Rows) -> "PaperTable":
         """The table of some lifetimes, a row each, as in `metrics.csv`."""
         groups: dict[tuple[str, str], Rows] = {}
         for row in metrics:

@@ -93,7 +93,7 @@ class Evaluation:
         task = self.config.world.task
         if task.has_trials:
             return reversal.table(self.metrics, self.trials, task, self.config.seed).set_index("controller")
-        means = pd.DataFrame(PaperTable.of(self.metrics.to_dict("records")).means)
+        means = pd.DataFrame(PaperTable.from_rows(self.metrics.to_dict("records")).means)
         return means.rename_axis("metric").rename_axis(["controller", "side"], axis=1)
 
     @cached_property

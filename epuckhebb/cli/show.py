@@ -39,7 +39,7 @@ def print_evaluation(run: Run, console: Console) -> None:
 
         _print(reversal.readable(run.table("reversal.csv"), _title(metrics)).only(0, 1, 2), console)
     else:
-        _print(PaperTable.of(metrics).readable(_title(metrics)), console)
+        _print(PaperTable.from_rows(metrics).readable(_title(metrics)), console)
         if saturated := saturation(metrics):
             print_line(console, saturated)
         drove_on = sum(row["success"] == 0 and (row["time_to_goal_s"] or math.nan) > 0 for row in metrics)
@@ -199,7 +199,7 @@ def _in_short(path: Path) -> str:
         return "finished"
     if run.has("lifetime.csv"):
         return "return: " + ", ".join(f"{row['controller']} {row['return']:.0f}" for row in run.rows("table.csv"))
-    means = PaperTable.of(run.rows("metrics.csv")).means
+    means = PaperTable.from_rows(run.rows("metrics.csv")).means
     return "success: " + ", ".join(f"{name} {side} {column['Success']:.2f}" for (name, side), column in means.items())
 
 

@@ -76,7 +76,8 @@ def named(group: str, name: str, folders: Sequence[Path]) -> dict[str, Any]:
         raise ConfigError(f"{group} must be one of {', '.join(known)}, got {name}{did_you_mean(name, known)}")
     settings: dict[str, Any] = {"choices": {}}
     own = {key: value for key, value in found.settings.items() if key != yaml_file.DEFAULTS}
-    for entry in found.settings.get(yaml_file.DEFAULTS) or [yaml_file.SELF]:
+    defaults = found.settings.get(yaml_file.DEFAULTS) or []
+    for entry in defaults if yaml_file.SELF in defaults else [*defaults, yaml_file.SELF]:
         if isinstance(entry, Mapping):
             for key, other in entry.items():
                 settings["choices"][key.removeprefix("override ").strip("/").partition("@")[0]] = other
@@ -84,8 +85,6 @@ def named(group: str, name: str, folders: Sequence[Path]) -> dict[str, Any]:
             merge(settings, own if found.package == ROOT else {group: own})
         else:
             merge(settings, named(group, entry, folders))
-    if yaml_file.SELF not in (found.settings.get(yaml_file.DEFAULTS) or [yaml_file.SELF]):
-        merge(settings, own if found.package == ROOT else {group: own})
     return settings
 
 

@@ -30,16 +30,8 @@ _GPS_AXES = [[0, 1.0], [1, 1.0]]  # X and Y of a maze among the axes of the worl
 _WALL_HEIGHT_M = 0.05  # as in the published world
 _SUN_UP = 0.776  # upward part of the unit vector towards the sun, as in the published world
 _CHAMPION = "champion.json"  # what the controller has to know
-_IN_WORLD = {
-    "light",
-    "lamp",
-    "sun_turn_deg",
-    "obstacles",
-    "layout",
-    "placed",
-    "maze",
-    "goals",
-}  # settings of a scenario
+# Settings of a scenario that the world has.
+_IN_WORLD = {"light", "lamp", "sun_turn_deg", "obstacles", "layout", "placed", "maze", "goals"}
 _OF_OURS = {"name", "experiment", "paper_N", "paper_duration_s", "physics"}  # those that are none of the world
 _CONTROLLER, _WORLD = (Path(__file__).with_name(f"webots_{name}") for name in ("controller.py", "world.wbt"))
 _WALL = """Solid {{

@@ -148,7 +148,7 @@ class PreparedEvaluation:
             run.write("reversal.md", reversal.readable(shares).markdown())
             figures["reversal"] = shares, trials
         else:
-            table, below = PaperTable.of(metrics), [*map(plain, self.notes), saturation(metrics)]
+            table, below = PaperTable.from_rows(metrics), [*map(plain, self.notes), saturation(metrics)]
             run.write("table.csv", table.rows)
             run.write("table.md", "\n".join([table.markdown(), *(f"{note}\n" for note in below if note)]))
         if config.lifetime.record_every:

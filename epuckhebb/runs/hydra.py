@@ -147,7 +147,8 @@ def _run_one(
         path = Path(cfg.hydra.run.dir)
     del cfg.hydra
     own = [word for word in overrides if not word.lstrip("+~").startswith(("hydra.", "hydra/"))]
-    job(Job(path, config, own, _facts(command, own, config_dir), thread_count(config.threads), False, report))
+    facts, threads = _facts(command, own, config_dir), thread_count(config.threads)
+    job(Job(path, config, own, facts, threads, in_multirun=False, report=report))
     return path
 
 
