@@ -351,5 +351,5 @@ def evaluate_into(
     nominal = prepared.remember(threads)
     with begin(path, "evaluate", config, overrides, facts, goes_on=is_many, genome=genome) as run:
         figures = prepared.write(run, nominal, threads)
-        report(path)
+        report(run.path)
         draw(run, config, genome.name, figures)

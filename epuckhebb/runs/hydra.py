@@ -6,7 +6,7 @@ import platform
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import chdir, contextmanager, nullcontext, suppress
 from datetime import datetime
 from pathlib import Path
 from secrets import token_hex
@@ -50,7 +50,7 @@ from epuckhebb.runtime import (
     refusing,
     thread_count,
 )
-from epuckhebb.store import MULTIRUN, PROVENANCE, Run, check_folder_of_multirun, locked, of_multirun, write_atomic
+from epuckhebb.store import MULTIRUN, PROVENANCE, Run, check_folder_of_multirun, locked, write_atomic
 
 _CHECKED_IN_FULL = 20  # a longer list of values is checked at its two ends
 _FULL_ERROR = "HYDRA_FULL_ERROR"  # environment variable
@@ -110,7 +110,8 @@ def check(
         tried = values[1:] if len(values) <= _CHECKED_IN_FULL else values[-1:]
         jobs += [(*first[:place], value, *first[place + 1 :]) for value in tried]
     for _, config in configurations(command, [], jobs, config_dir):
-        prepare(from_values(config, SCHEMAS[command], command))
+        with chdir(Path.cwd()):  # a part of the user's may go elsewhere
+            prepare(from_values(config, SCHEMAS[command], command))
 
 
 def run(
@@ -154,13 +155,14 @@ def run_many(
     before = (folder / MULTIRUN).read_bytes() if (folder / MULTIRUN).is_file() else None
 
     def plan(listed: Sequence[Sequence[str]], subdir: Callable[[int], str]) -> list[Task]:
-        paths = [folder / subdir(place) for place in range(len(listed))]
+        paths = [folder.absolute() / subdir(place) for place in range(len(listed))]
         if len(set(paths)) < len(paths):
             raise ConfigError("hydra.sweep.subdir must give each job a folder of its own, as with ${hydra.job.num}")
         begun = {path: tuple(own) for path, own in zip(paths, listed, strict=True) if Run(path).has(PROVENANCE)}
         composed = configurations(command, [], begun.values(), config_dir)
         for path, (_, values) in zip(begun, composed, strict=True):
-            check_same(path, from_values(values, SCHEMAS[command], command))
+            with chdir(Path.cwd()):
+                check_same(path, from_values(values, SCHEMAS[command], command))
         named = zip(names_of_overrides(listed), listed, paths, strict=True)
         return [Task(name=name, overrides=own, path=path, result=path) for name, own, path in named]
 
@@ -174,8 +176,6 @@ def run_many(
         else:
             write_atomic(folder / MULTIRUN, before)
         raise
-    if not of_multirun(folder):
-        raise JobFailedError(f"no job has left a run in {folder.absolute()}; do all machines of the launcher see it?")
     return folder, jobs
 
 
@@ -223,7 +223,9 @@ def _run_one(
         path = Path(cfg.hydra.run.dir)
     del cfg.hydra
     own = [word for word in overrides if not word.lstrip("+~").startswith(("hydra.", "hydra/"))]
-    job(Job(path, config, own, _facts(command, own, config_dir), thread_count(config.threads), False, report))
+    facts = _facts(command, own, config_dir)
+    with chdir(Path.cwd()):
+        job(Job(path.absolute(), config, own, facts, thread_count(config.threads), False, report))
     return path
 
 
@@ -260,7 +262,8 @@ def _do(task: Callable[[Any], None], errors: list[Exception], parent: int, folde
         if os.getpid() != parent:
             with refusing(lambda _: f"{folder}, where this was called, is not on {platform.node()}", OSError):
                 os.chdir(folder)
-        task(cfg)
+        with chdir(Path.cwd()):
+            task(cfg)
     except (ConfigError, JobFailedError) as error:
         failure: Exception = error
     except Exception as error:

@@ -84,7 +84,8 @@ class Task:
         if state is State.failed:
             return str(self.error or recorded.get("error"))
         if state is State.waiting:
-            return f"it has not begun{trouble}"
+            unseen = f": there is no run in {self.path}; do all machines of the launcher see this folder?"
+            return f"it has not begun{trouble or unseen}"
         if state is State.at_work or (trouble and recorded.get("state") == "running"):
             return f"it may be at work{trouble}"
         return "it was interrupted" if recorded.get("state") == "interrupted" else "it ended unexpectedly"

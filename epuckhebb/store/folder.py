@@ -45,7 +45,8 @@ class RunFolder:
 
     def __init__(self, path: Path, held: BaseFileLock | None, facts: dict[str, Any]) -> None:
         """Own what `new` or `resume` has claimed; `facts` is the provenance of this call."""
-        self.path, self.command_line, self.failure = path, list(facts["command_line"]), ""
+        self.path = path.absolute()  # a part of the user's may go elsewhere
+        self.command_line, self.failure = list(facts["command_line"]), ""
         self.left_behind: Callable[[], str] = lambda: ""
         self._lock, self._started = held, _now()
         self._written: dict[str, str] = {}  # name -> SHA-256 of the files written
