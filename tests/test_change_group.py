@@ -116,6 +116,21 @@ def test_a_change_of_ones_own():
     assert world("change=slip", config_dir="conf")[2]["left_slip"] == 0.1
 
 
+@pytest.mark.parametrize("word", ["change=30", "change=[30]", "change=['30']"])
+def test_a_name_may_look_like_a_number(word):
+    assert world(word, "scenario=4obstacles")[:2] == ("4obstacles_30", "")
+
+
+@pytest.mark.usefixtures("own")
+@pytest.mark.parametrize("name", ["7", "010", "1e5", "nan", "True", "null"])
+def test_a_choice_of_ones_own_may_look_like_no_text(name):
+    Path("conf", "scenario").mkdir()
+    Path("conf", "scenario", f"{name}.yaml").write_text("defaults: [base, _self_]\nlight: 0.7\n")
+    Path("conf", "scenario", "mine.yaml").write_text(f"defaults: [{name if name != 'null' else repr(name)}, _self_]\n")
+    for word in (f"scenario={name}", "scenario=mine"):
+        assert world(word, config_dir="conf")[2]["light"] == 0.7
+
+
 # What is refused
 
 

@@ -3,6 +3,7 @@
 import itertools
 import math
 import re
+import shutil
 import sys
 from contextlib import chdir
 from functools import partial
@@ -25,6 +26,7 @@ from epuckhebb.controller.plasticity.rules.abcd import ABCD
 from epuckhebb.controller.random import Stream, rng
 from epuckhebb.runs.environments import Work, run_lifetimes
 from epuckhebb.runtime import ConfigError
+from epuckhebb.store import Run
 from epuckhebb.worlds.changes import CHANGES, Faults, apply
 from epuckhebb.worlds.environment import Environment, Lived, World
 
@@ -164,7 +166,15 @@ def test_show_figure_and_replay_know_an_environment():
 @pytest.mark.usefixtures("runs")
 def test_many_runs_get_one_table_over_champions():
     done("evolve", *CARTPOLE)
-    assert "seed1, 1 lifetimes" in done("evaluate", "environment=cartpole", "repeats=1").stdout  # of the latest
+    evolved = Path("runs/evolve")
+    for number, name in enumerate(("cartpole", "cartpole", "acrobot")):  # the latest is of another environment
+        copied = evolved / f"2999010{number + 1}-000000-0000000{number}_{name}_seed1"
+        shutil.copytree(next(evolved.glob("*cartpole*")), copied)
+        settings = copied / ".hydra" / "config.yaml"
+        settings.write_text(settings.read_text().replace("name: cartpole", f"name: {name}"))
+    done("evaluate", "environment=cartpole", "repeats=1", "hydra.run.dir=of_latest")
+    assert Run(Path("of_latest")).provenance["genome"].startswith("29990102")
+    shutil.rmtree(copied)
     done("evaluate", "-m", "genome=plain,abcd", "repeats=2", "hydra.sweep.dir=many")
     table = pd.read_csv("many/summary.csv")
     assert list(table.controller[:2]) == ["without plasticity", "abcd (without plasticity)"]

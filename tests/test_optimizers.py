@@ -90,6 +90,17 @@ def test_genes_stay_within_the_limits_of_their_parts(name):
     assert np.abs(population[:, 20:23]).max() == 0.75
 
 
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_the_mean_of_open_es_stops_at_the_limits(sign):
+    search = Search(OpenEs(learning_rate=9.0), PLAN, 1)
+    for _ in range(20):
+        search.tell(sign * search.ask().sum(axis=1), {})
+    mean, wide = sign * search._optimizer._mean, search._optimizer.gene_limit
+    limit = np.repeat([wide, 0.75 / 0.5, wide], [20, 3, 1])  # of the mean, in units of where the genes start
+    assert (np.abs(mean) <= limit).all()
+    assert (mean == limit).sum() > 15
+
+
 def test_a_log_of_another_search_is_refused():
     search = Search(SMALL["ga"], PLAN, 5)
     generations(search, 2)

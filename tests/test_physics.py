@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 from numba import njit
 
 from epuckhebb.tmaze.maze import T_MAZE, Pose, boxes
+from epuckhebb.tmaze.physics.pymunk import _CLEAR_FOR as CLEAR_FOR
+from epuckhebb.tmaze.physics.pymunk import _CLEAR_STEPS as CLEAR_STEPS
 from epuckhebb.tmaze.physics.pymunk import COLLISION_SLOP, PymunkSpace, mover, put_back
 from epuckhebb.tmaze.robot import EPUCK, STEP_S
 
@@ -93,6 +95,25 @@ def test_is_bit_identical_to_pymunk_stepping_always_until_two_walls_are_touched_
             if len(touched) > 1:  # pymunk solves two contacts in an order that depends on the past: docs/contribute.md
                 return
             np.testing.assert_array_equal(space.handles.state[:6], now)
+
+
+def test_a_robot_that_bumps_into_a_wall_moves_as_if_pymunk_were_never_skipped():
+    """Beside one wall: two contacts are solved in an order that depends on the past. Bumps are 0 to 8 steps apart."""
+    draw, wall, skipped = np.random.default_rng(3), np.array([[0.0, 0.1, -1.0, 1.0]]), 0
+    skips, always = (PymunkSpace(wall, EPUCK, 0.1) for _ in range(2))
+    for _ in range(60):
+        start = Pose(-RADIUS - draw.uniform(0.0, 0.003), 0.0, draw.uniform(-0.5, 0.5))
+        skips.place_robot(start)
+        always.place_robot(start)
+        for _ in range(8):
+            left, right = draw.uniform(-4.0, 4.0, 2) + draw.choice([-2.0, 4.0])
+            for _ in range(draw.integers(1, 9)):
+                always.handles.state[CLEAR_FOR] = 0.0  # it never believes to be free
+                skipped += skips.handles.state[CLEAR_FOR] >= CLEAR_STEPS
+                drive(skips.handles, left, right)
+                drive(always.handles, left, right)
+                np.testing.assert_array_equal(skips.handles.state[:6], always.handles.state[:6])
+    assert skipped > 300
 
 
 def drive_into_a_wall(space):

@@ -305,9 +305,12 @@ def test_many_obstacles():
 
 
 README = (REFERENCE.parents[1] / "README.md").read_text()
-STUDIES = {  # of the front page: training world, changed world, the draws of the control
-    "which_end": ("highlight", "lowlight", [f"yoked_sign_{draw}" for draw in range(5)]),
-    "many_obstacles": ("base", "4obstacles", ["shuffled"]),
+STUDIES = {  # of the front page: training world, changed world, the draws of the control, rules, rows of the table
+    "which_end": ("highlight", "lowlight", [f"yoked_sign_{draw}" for draw in range(5)], ["Hebbian"], slice(3)),
+    "stopping": (
+        *("base", "4obstacles", [f"shuffled_{draw}" for draw in range(5)]),
+        *(["Hebbian_0.000015", "Hebbian"], slice(3, 8)),
+    ),
 }
 
 
@@ -323,7 +326,7 @@ def sides_of(study):
 
 @pytest.mark.parametrize("study", STUDIES)
 def test_the_claims_of_the_front_page(study):
-    trained, changed, draws = STUDIES[study]
+    trained, changed, draws, rules, places = STUDIES[study]
     each = sides_of(study)
     fate = each.loc["GA", changed].fate
     right, wrong = (
@@ -333,23 +336,20 @@ def test_the_claims_of_the_front_page(study):
     assert (solved == right["GA", trained]).all()
     assert (broken == solved & ~right["GA", changed]).all()
     shown = [line for line in README.splitlines() if re.match(r"\| .*\| \*\*", line)]
-    rows = shown[:3] if study == "which_end" else shown[3:6]
-    harmed = {name: ~right[name, trained] for name in ("Hebbian", *draws)}
-    rescued = {name: right[name, changed] for name in ("Hebbian", *draws)}
-    for row, true, whole, world in (
-        (rows[0], None, solved, changed),
-        (rows[1], rescued, broken, changed),
-        (rows[2], harmed, solved, trained),
-    ):
+    harmed = {name: ~right[name, trained] for name in (*rules, *draws)}
+    rescued = {name: right[name, changed] for name in (*rules, *draws)}
+    claims = [(None, None, solved, changed)]
+    claims += [row for rule in rules for row in ((rule, rescued, broken, changed), (rule, harmed, solved, trained))]
+    for row, (rule, true, whole, world) in zip(shown[places], claims, strict=True):
         _, _, counted, share, ends, control = (cell.strip() for cell in row.strip("|").split("|"))
-        part = (broken if true is None else true["Hebbian"]) & whole
+        part = (broken if true is None else true[rule]) & whole
         assert counted == f"{part.sum()} of {whole.sum()}"
         low, high = interval(part.groupby("genome").sum(), whole.groupby("genome").sum())
         assert share == f"{part.sum() / whole.sum():.2f} [{low:.2f}, {high:.2f}]"
         if true is not None:
-            assert ends == f"{wrong['Hebbian', world][whole].sum()} of {whole.sum()}"
+            assert ends == f"{wrong[rule, world][whole].sum()} of {whole.sum()}"
             drawn = [(true[name][whole].mean(), wrong[name, world][whole].mean()) for name in draws]
-            assert control == "{:.2f}, {:.2f}".format(*np.mean(drawn, axis=0))
+            assert control == ("–" if rule != "Hebbian" else "{:.2f}, {:.2f}".format(*np.mean(drawn, axis=0)))
 
 
 def test_which_end_is_chance():
@@ -379,6 +379,36 @@ def test_which_end_is_chance():
     assert numbers[8:10] == pytest.approx([sum(drawn[:5]) / 5, sum(drawn[5:]) / 5], abs=0.5)
     assert numbers[10] == both.all(axis=1).sum()
     assert numbers[11] == pytest.approx(both.left.sum() * both.right.sum() / 110, abs=0.05)
+
+
+def test_the_rule_among_obstacles():
+    """The bullet of run 2: right less wrong ends of broken trials, the rule less five draws of shuffled signs."""
+    each = sides_of("stopping").xs("4obstacles", level="scenario")
+    broken = each.loc["GA"].fate == "broken"
+    ends = {name: each.loc[name].end[broken] for name in each.index.levels[0]}
+    less = {
+        name: ((end == "right").astype(int) - (end == "wrong")).groupby("genome").sum() for name, end in ends.items()
+    }
+    draws = [f"shuffled_{draw}" for draw in range(5)]
+    difference = less["Hebbian"] - sum(less[draw] for draw in draws) / 5
+    p = stats.permutation_test(
+        (5 * difference,), np.sum, permutation_type="samples", n_resamples=19_999, rng=CHANCE
+    ).pvalue
+    low, high = np.percentile(CHANCE.choice(difference, (20_000, len(difference))).mean(axis=1), [2.5, 97.5])
+    said = re.search(
+        r"Of (\d+) broken trials of (\d+) champions the rule ends right in (\d+) and wrong in (\d+) at .*, "
+        r"shuffled signs at theirs in (\S+) and (\S+): right less wrong differs by (\S+) a champion "
+        r"\[(\S+), (\S+)\], p = (\S+)\. At the paper's N it is (\d+) and (\d+)\.",
+        README,
+    )
+    counts = {name: [(end == which).sum() for which in ("right", "wrong")] for name, end in ends.items()}
+    shuffled = np.mean([counts[draw] for draw in draws], axis=0)
+    numbers = [float(number) for number in said.groups()]
+    assert numbers[:4] == [broken.sum(), len(difference), *counts["Hebbian"]]
+    assert numbers[4:6] == pytest.approx(shuffled, abs=0.05)
+    assert numbers[6:9] == pytest.approx([difference.mean(), low, high], abs=0.02)
+    assert numbers[9] == pytest.approx(p, abs=0.02)
+    assert numbers[10:] == counts["Hebbian_0.000015"]
 
 
 def test_who_is_sooner(outcomes):

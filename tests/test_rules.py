@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import reference
 
+from epuckhebb.config.parts import part_class
 from epuckhebb.controller.evolved import Evolved
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import Network, by_layer
@@ -74,17 +75,33 @@ def test_a_rule_with_all_parts_agrees_with_the_oracle(run_lifetime):
     assert outcome.weight_change_mean > 0.01
 
 
+@pytest.mark.parametrize(
+    ("name", "start", "limit", "others"),
+    [
+        *((f"abcd{kind}", 1.0, 2.0, {}) for kind in ("", "_neuron", "_shared", "_traces")),
+        ("baldwin_n", 1.0, 1.5, {}),
+        ("modulated", 0.5, 2.0, {}),
+        ("discrete", 1.0, 1.0, {"eta": (1.0, 2.0), "threshold": (0.5, 1.0)}),
+    ],
+)
+def test_evolved_parameters_of_the_programs_rules_start_and_end_where_they_should(name, start, limit, others):
+    rule = part_class("rule", name, "hebbian")
+    for parameter, evolved in [*rule.evolved.items(), *rule.with_reward.items()]:
+        assert (evolved.start, evolved.limit) == others.get(parameter, (start, limit)), parameter
+
+
 def test_evolved_parameters_are_parts_of_the_genome():
     assert PLAN.text() == "57 weights, 1 rate, 2 bias, 57 towards"
     assert PLAN.genes == 57 + 1 + 2 + 57
     population = initial(np.random.default_rng(0), 400, PLAN)
     parts = PLAN.split(population)
     for name, start in (("weights", 1.0), ("rate", 0.5), ("bias", 0.1), ("towards", 2.0)):
-        assert 0.95 * start < np.abs(parts[name]).max() <= start
+        assert 0.95 * start < parts[name].max() <= start
+        assert -start <= parts[name].min() < -0.95 * start
     ga = GA(population=400, mutation_rate=0.5, mutation_range=3.0, gene_limit=1.25)
     later = PLAN.split(next_generation(np.random.default_rng(1), population, np.arange(400.0), ga, PLAN))
     for name, limit in (("weights", 1.25), ("rate", 0.75), ("bias", 1.0), ("towards", 2.0)):
-        assert np.abs(later[name]).max() == limit  # mutated, as far as the limit
+        assert (later[name].min(), later[name].max()) == (-limit, limit)  # mutated, as far as the limits
     with pytest.raises(ValueError, match="57 weights, 1 rate, 2 bias, 57 towards has 117 genes, got 57"):
         PLAN.split(np.zeros(57))
 

@@ -1,6 +1,7 @@
 """YAML files of the user's: they win over the program's, and what is no plain setting in them is refused by line."""
 
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,10 +9,9 @@ import yaml
 from cases import done, first_of, refused
 
 import epuckhebb
-from epuckhebb.config import yaml_file
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import plain
-from epuckhebb.runtime import conf
+from epuckhebb.runtime import conf, yaml_file
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import data_folder
 
@@ -21,7 +21,7 @@ REFUSED = {
     "lamp: {x_m: 0, x_m: 1}\n": "mine.yaml, line 1: while constructing a mapping, found duplicate key x_m",
     "light: [0.2\nobstacles: 3\n": "mine.yaml, line 2: while parsing a flow sequence, ",
     "light: !!python/object/apply:os.getcwd []\n": "mine.yaml, line 1: could not determine a constructor for the tag",
-    "changes: &a [*a]\n": "stand too deep in one another",
+    "changes: &a [*a]\n": "mine.yaml: it stands for more than",
     "? [1, 2]\n: 3\n": "mine.yaml, line 1: while constructing a mapping, found unhashable key",
     "# @package a b\nlight: 0.2\n": "Too many components in",
     "light: ${\n": "scenario/mine.yaml",
@@ -61,9 +61,7 @@ SEVERAL_READINGS += [("dead_sensors", "[1, 010]"), ("lamp", "{intensity: 1_000.5
 
 
 @pytest.mark.parametrize(("key", "text"), SEVERAL_READINGS)
-@pytest.mark.parametrize("loader", [yaml.SafeLoader, yaml_file._LOADER])
-def test_a_number_with_several_readings_is_refused_in_files_and_words_alike(mine, monkeypatch, key, text, loader):
-    monkeypatch.setattr(yaml_file, "_LOADER", loader)
+def test_a_number_with_several_readings_is_refused_in_files_and_words_alike(mine, key, text):
     mine(f"defaults: [base, _self_]\n{key}: {text}\n")
     for words in ([f"scenario.{key}={text}"], ["scenario=mine"]):
         with pytest.raises(ConfigError, match=rf"({key}=|mine\.yaml, line 2).*has several readings"):
@@ -71,6 +69,16 @@ def test_a_number_with_several_readings_is_refused_in_files_and_words_alike(mine
     mine(f"{key}: {text}\n", "change/mine.yaml")
     with pytest.raises(ConfigError, match=r"change/mine\.yaml, line 1.*has several readings"):
         composed("evaluate", ["change=mine"], "conf")
+
+
+@pytest.mark.parametrize("name", ["scenario/mine", "change/mine"])
+def test_a_file_whose_aliases_stand_for_too_many_values_is_refused_before_any_is_made(mine, monkeypatch, name):
+    mine("a: &a [1, 2, 3]\nchanges: [*a, *a, *a]\n", f"{name}.yaml")
+    monkeypatch.setattr(yaml_file, "MOST_VALUES", 11)
+    with pytest.raises(ConfigError, match=r"mine\.yaml: .* 11 values"):
+        composed("evaluate", [f"{name.partition('/')[0]}=mine"], "conf")
+    monkeypatch.setattr(yaml_file, "MOST_VALUES", 12)
+    assert yaml_file.load(Path("conf", f"{name}.yaml"))["changes"] == [[1, 2, 3]] * 3
 
 
 def test_plain_numbers_and_texts_are_no_numbers_with_several_readings(mine):
@@ -148,6 +156,15 @@ def test_what_differs_is_told_of_the_scenario_that_was_chosen(mine):
     assert composed("evaluate", ["scenario=mine", "scenario.light=0.6"], "conf").changed == "light=0.6"
     mine("defaults: [base, _self_]\nobstacles: 2\n", "scenario/2obstacles.yaml")
     assert composed("evaluate", ["scenario=2obstacles"], "conf").changed == ""
+
+
+@pytest.mark.parametrize("scheme", ["", "file://"])
+def test_a_search_path_of_hydras_has_files_and_rows_too(mine, tmp_path, scheme):
+    mine("light: 0.7\n", "change/dusk.yaml")
+    mine("mine: {defaults: [base, _self_], obstacles: 2}\n", "scenarios.yaml")
+    path = f"hydra.searchpath=['{scheme}{tmp_path / 'conf'}']"
+    read = composed("evaluate", [path, "scenario=mine", "change=dusk", "scenario.layout=1"])
+    assert (read.scenario.light, read.scenario.obstacles, read.changed) == (0.7, 2, "layout=1")
 
 
 def test_a_maze_of_the_users_with_the_name_of_the_programs(mine):

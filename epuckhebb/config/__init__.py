@@ -55,4 +55,4 @@ from epuckhebb.config.schema import (
     typed,
 )
 from epuckhebb.config.values import part_settings
-from epuckhebb.config.yaml_file import load as settings
+from epuckhebb.runtime.yaml_file import load as settings

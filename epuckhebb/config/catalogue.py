@@ -1,7 +1,7 @@
-"""What Hydra composes from besides the files of `conf/`: schemas, the rows of tables, and the user's folder.
+"""What Hydra composes from: the schema of a command, the user's folder, and `conf/`.
 
-Schemas and rows are nodes of Hydra's ConfigStore. The user's folder (`--config-dir`) is searched before the program's,
-so that a file of the user's wins over ours of the same name.
+The user's folder (`--config-dir`) is searched before the program's, so that a file of the user's wins over ours of the
+same name.
 """
 
 import functools
@@ -18,29 +18,31 @@ from hydra.core.plugins import Plugins
 from hydra.plugins.search_path_plugin import SearchPathPlugin
 from omegaconf import DictConfig, OmegaConf
 
-from epuckhebb.config import yaml_file
 from epuckhebb.config.errors import explain
 from epuckhebb.config.overrides import check_words, for_hydra
 from epuckhebb.config.schema import SCHEMAS, structured
-from epuckhebb.runtime import ConfigError, conf, data_folder
+from epuckhebb.config.source import Choices
+from epuckhebb.runtime import ConfigError, data_folder
 
 VERSION_BASE = "1.3"  # of Hydra
+SEARCH_PATH = "hydra.searchpath="
 USERS = "command-line"  # who brings the user's folder, as Hydra names it for its own --config-dir
 NULL = "None"  # the choice of a group of which none was made
-BROUGHT = ("maze", "physics")  # groups of which a change of the world may name another choice
 BRIGHT, DIM = 1.0, 0.1  # the light of the two experiments
-_stored: list[ConfigStore] = []  # the store, if it has the program's rows and no user's
 
 
 class _SearchPath(SearchPathPlugin):
-    """Lets Hydra look into its ConfigStore and the user's folder before `conf/`."""
+    """Lets Hydra look into its ConfigStore and the user's folder before `conf/`, and read both by `Choices`."""
 
     folder: Path | None = None
 
     def manipulate_search_path(self, search_path: ConfigSearchPath) -> None:
-        """See Hydra."""
+        """Change where Hydra looks."""
+        for place in search_path.get_path():
+            if place.path == str(data_folder("conf")):
+                place.path = f"{Choices.scheme()}://{place.path}"
         if self.folder is not None:
-            search_path.prepend(USERS, f"file://{self.folder}", SearchPathQuery(provider="main"))
+            search_path.prepend(USERS, f"{Choices.scheme()}://{self.folder}", SearchPathQuery(provider="main"))
         search_path.prepend("schema", "structured://")  # under the name that Hydra gives it at the end
 
 
@@ -62,7 +64,7 @@ def by_hydra(command: str, overrides: list[str], config_dir: str | None = None) 
     name, words = for_hydra(command, overrides)
     if name in SCHEMAS:
         check_words(name, words)
-    if config_dir is not None:
+    if config_dir is not None or any(SEARCH_PATH in word for word in words):
         return _composed(name, tuple(words), config_dir)
     found = _composed_once(name, tuple(words), None)
     return found._replace(cfg=found.cfg.copy())
@@ -79,10 +81,7 @@ def _composed(command: str, words: tuple[str, ...], config_dir: str | None) -> C
         raise ConfigError(f"{' '.join(words)}{': ' if words else ''}{explain(error)}") from error
     OmegaConf.set_struct(cfg, False)
     hydra = cfg.pop("hydra")
-    choices = choices_of(hydra.runtime)
-    for group, choice in {".": command, **choices}.items() if config_dir else ():
-        yaml_file.check_order(Path(str(config_dir), group, f"{choice}.yaml"))
-    return Composed(command, words, cfg, hydra, choices)
+    return Composed(command, words, cfg, hydra, choices_of(hydra.runtime))
 
 
 _composed_once = functools.lru_cache(maxsize=32)(_composed)
@@ -102,7 +101,9 @@ def catalogue(command: str, config_dir: str | None) -> Iterator[None]:
     composing = GlobalHydra.instance().hydra  # of a caller who composes with Hydra, or of the job at work
     _SearchPath.folder = None if config_dir is None else Path(config_dir).absolute()
     Plugins.instance().register(_SearchPath)
-    _store(command, _SearchPath.folder)
+    Plugins.instance().register(Choices)
+    if command in SCHEMAS:
+        ConfigStore.instance().store(f"schema_{command}", structured(command))
     GlobalHydra.instance().clear()
     try:
         yield
@@ -111,36 +112,6 @@ def catalogue(command: str, config_dir: str | None) -> Iterator[None]:
         GlobalHydra.instance().clear()  # which is another instance now
         if composing is not None:
             GlobalHydra.instance().initialize(composing)
-
-
-def changes(folder: Path | None) -> dict[str, dict[str, Any]]:
-    """The changes of the world by name: the rows of `conf/changes.yaml`, and the files of the user's."""
-    own = {file.stem: yaml_file.load(file) for file in sorted(folder.glob("change/*.yaml"))} if folder else {}
-    return {**conf.table("change"), **own}
-
-
-def _store(command: str, folder: Path | None) -> None:
-    """Store the schema of a command, and the rows of tables that no file of the user's replaces."""
-    store = ConfigStore.instance()
-    store.store("compared", {"defaults": [{"hebbian": "paper"}, {"adaptation": "none"}]})
-    if command in SCHEMAS:
-        store.store(f"schema_{command}", structured(command))
-    if folder is None and _stored == [store]:
-        return
-    groups = {file.parent.name for file in data_folder("conf").glob("*/*.yaml")} | {*conf.TABLES, "hydra/launcher"}
-    files = {group: sorted(folder.glob(f"{group}/*.yaml")) for group in groups} if folder else {}
-    for group in conf.TABLES.keys() - {"method", "change"}:
-        store.repo[group] = {}
-        for name in conf.table(group).keys() - {file.stem for file in files.get(group, ())}:
-            package = "_global_" if group == "adaptation" else None
-            store.store(name, conf.table(group)[name], group, package)
-    store.repo["change"] = {}
-    for name, row in changes(folder).items():
-        overrides = [{f"override /{group}@_global_.{group}": row[group]} for group in BROUGHT if group in row]
-        scenario = {key: value for key, value in row.items() if key not in BROUGHT}
-        node = {"defaults": [*overrides, "_self_"], "scenario": scenario, "change": {name: None}}
-        store.store(name, node, "change", "_global_")
-    _stored[:] = [store] if folder is None else []
 
 
 def _all_trials_s(*, _root_: Any) -> float:

@@ -11,6 +11,7 @@ from epuckhebb.config.catalogue import Composed, by_hydra
 from epuckhebb.config.overrides import OF_ENVIRONMENT, values_of
 from epuckhebb.config.resolve import resolve
 from epuckhebb.config.schema import SCHEMAS, Config, Plain, plain, typed, value_as_declared
+from epuckhebb.config.source import folders_of
 from epuckhebb.runtime import ConfigError
 
 _ALONE = ("genome", "seed", "repeats", "threads")  # keys on which nothing else in a configuration depends, unless:
@@ -39,7 +40,7 @@ def composed(command: str, overrides: list[str], config_dir: str | None = None) 
 def composed_with_hydra(command: str, overrides: list[str], config_dir: str | None) -> Composed:
     """The same, with what Hydra keeps for itself."""
     found = by_hydra(command, overrides, config_dir)
-    resolve(found.command, found.cfg, found.choices, found.words, config_dir)
+    resolve(found.command, found.cfg, found.choices, found.words, folders_of(found.hydra.runtime))
     return found
 
 

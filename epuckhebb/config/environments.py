@@ -12,7 +12,7 @@ from typing import Any, ClassVar, NamedTuple
 
 from omegaconf import DictConfig, OmegaConf
 
-from epuckhebb.config import build, yaml_file
+from epuckhebb.config import build
 from epuckhebb.config.overrides import ANY, OF_ENVIRONMENT, parsed, value_text
 from epuckhebb.config.parts import NONE, Layers, part_from
 from epuckhebb.config.plugins import class_named, load
@@ -25,7 +25,7 @@ from epuckhebb.controller.wiring import LAYERS, Wiring
 from epuckhebb.evolution.evolve import evolved_plan
 from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.evolution.training import UNVARIED
-from epuckhebb.runtime import ConfigError, conf, did_you_mean, path_of, refusing
+from epuckhebb.runtime import ConfigError, conf, did_you_mean, path_of, refusing, yaml_file
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.worlds.changes import AT, FUNCTION
 from epuckhebb.worlds.environment import Environment, World

@@ -19,9 +19,9 @@ from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.adaptation.adaptation import NONE, Adaptation
 from epuckhebb.config.schema import OPEN, SCHEMAS
-from epuckhebb.config.yaml_file import check_numbers
 from epuckhebb.controller.own_class import OwnClass
 from epuckhebb.runtime import ConfigError, conf, data_folder, did_you_mean
+from epuckhebb.runtime.yaml_file import check_numbers
 
 RUN_DIR, SWEEP_DIR = "hydra.run.dir=", "hydra.sweep.dir="
 _FORCED_DIR = re.compile(rf"^\+\+(?={RUN_DIR}|{SWEEP_DIR})")
@@ -32,6 +32,9 @@ OF_ENVIRONMENT = "_environment"  # ends the names of the configurations that are
 _ENVIRONMENT, _MAZE = "environment=", "environment=tmaze"
 _MOST_JOBS = 100_000  # of one call
 _RULES, _RULE = "hebbian", "hebbian.rule"
+_CHOICES = re.compile(r"[\w.+\[\], -]+")  # plain names, one or several
+_NAME = re.compile(r"[^\[\], ]+")
+_MAY_BE_NONE = ("change", "experiment", "ga")  # groups of which null stands for no choice
 ANY = "gym"  # the row of environments without one of their own
 
 
@@ -82,7 +85,7 @@ def check_words(command: str, words: Sequence[str], *, several: bool = False) ->
     open_keys = tuple(f"{key}." for key in OPEN if key in known)  # the schema does not know what keys are below
     for override in parsed(word for word in words if not word.startswith("-")):
         key, line = override.key_or_group, str(override.input_line)
-        if not key.startswith(("hydra.", "hydra/")):
+        if key not in choices and not key.startswith(("hydra.", "hydra/")):
             check_numbers(line)
         if key == "changed":
             raise ConfigError("changed is filled in by the program, with what differs from the named scenario")
@@ -163,7 +166,7 @@ def for_hydra(command: str, words: Iterable[str]) -> tuple[str, list[str]]:
     `environment=FILE.py:NAME` is an id, `change` is a key of an environment there, and a list below `compare` a mapping
     of names that have no settings, as the schema has it. `hebbian` and `hebbian.rule` are one choice.
     """
-    words, result = _with_one_rule(list(words)), list[str]()
+    words, result = _with_one_rule([_with_names(command, word) for word in words]), list[str]()
     named = [word for word in words if word.startswith(_ENVIRONMENT)][-1:]
     worlds = set(alternatives(named).get("environment", ()))
     if _MAZE in worlds and len(worlds) > 1:
@@ -182,9 +185,27 @@ def for_hydra(command: str, words: Iterable[str]) -> tuple[str, list[str]]:
             result.append(f"environment.{word}")
         elif word.startswith(_ENVIRONMENT) and ".py:" in word:
             result += [f"{_ENVIRONMENT}{ANY}", f"environment.id={word.removeprefix(_ENVIRONMENT)}"]
+        elif word.startswith("hydra.searchpath=") and isinstance(paths := parsed([word])[0].value(), list):
+            folders = [str(path).removeprefix("file://") for path in paths]
+            served = [one if "://" in one else f"choices://{Path(one).absolute()}" for one in folders]
+            result.append(f"hydra.searchpath=[{','.join(map(quoted, served))}]")
         elif word != _MAZE:
             result.append(word)
     return command, result
+
+
+def _with_names(command: str, word: str) -> str:
+    """An override in which names of choices that look like numbers, as `change=30` has, stand in quotes."""
+    key, _, value = word.partition("=")
+    if key not in conf.groups(command) or not _CHOICES.fullmatch(value):
+        return word
+
+    def name(found: re.Match[str]) -> str:
+        text = found[0]
+        is_none = text == "null" and key in _MAY_BE_NONE
+        return text if is_none or isinstance(parsed([f"{key}={text}"])[0].value(), str) else f"'{text}'"
+
+    return f"{key}={_NAME.sub(name, value)}"
 
 
 def _with_one_rule(words: list[str]) -> list[str]:

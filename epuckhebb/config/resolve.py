@@ -6,7 +6,7 @@ row, so that need not say `name:`. A configuration that has all names is left as
 """
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,17 +14,20 @@ from typing import Any, NamedTuple
 from omegaconf import DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from epuckhebb.config import environments, hand, yaml_file
+from epuckhebb.config import environments, hand
 from epuckhebb.config.build import scenario_from
-from epuckhebb.config.catalogue import BROUGHT, NULL, by_hydra, changes
+from epuckhebb.config.catalogue import NULL
 from epuckhebb.config.errors import explain
-from epuckhebb.config.overrides import parsed
 from epuckhebb.config.parts import KINDS, NONE, PAPER, PART_GROUPS, part_class, part_from
 from epuckhebb.config.plugins import own_references
-from epuckhebb.config.schema import WorldConfig, plain
+from epuckhebb.config.schema import ScenarioConfig, WorldConfig
+from epuckhebb.config.source import BROUGHT, change_row, choice, merge, named
 from epuckhebb.controller.wiring import LAYERS
-from epuckhebb.runtime import ConfigError, conf, data_folder, path_of, refusing
+from epuckhebb.evolution.training import Training
+from epuckhebb.runtime import ConfigError, conf, data_folder, path_of, refusing, yaml_file
+from epuckhebb.runtime.yaml_file import DEFAULTS
 from epuckhebb.tmaze.individual import HEBBIAN
+from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.scenario import TRAINED, Scenario
 
@@ -34,15 +37,26 @@ _OF_GA = re.compile(r"[+~]*ga[.=]")  # an override of the genetic algorithm
 _PARTS = ("maze", "robot", "task", "fitness", "physics")  # groups whose choice `changed` names
 _SHOWN = ("scenario", "lifetime", "network", *_PARTS)  # groups whose values `changed` names
 _USUAL = ("training", "hebbian")  # more groups whose choice is as it is in what a configuration is compared with
-_COMPARED = (*_SHOWN, "training", "change", "experiment")  # keys and groups that can make a difference
+_DEFAULTS = {"scenario": ScenarioConfig, "lifetime": Lifetime, "training": Training}  # of what rows leave out
 _RECORDING = "lifetime.record_every"  # changes nothing in a lifetime
+T_MAZE = "t_maze"  # the maze of training
 _LONGEST = 80  # characters of a world in the name of a folder
 
 
+class Named(NamedTuple):
+    """A configuration of nothing but the choices that name the world. differ: groups of parts with another choice."""
+
+    cfg: DictConfig
+    differ: list[str]
+
+
 def resolve(
-    command: str, cfg: DictConfig, choices: Mapping[str, str], overrides: Sequence[str], config_dir: str | None
+    command: str, cfg: DictConfig, choices: Mapping[str, str], overrides: Sequence[str], folders: Sequence[Path]
 ) -> None:
-    """Complete a configuration as Hydra composed it; it is changed. choices: of each group."""
+    """Complete a configuration as Hydra composed it; it is changed.
+
+    choices: of each group. folders: in which Hydra has looked for them, in turn.
+    """
     OmegaConf.set_struct(cfg, False)
     with refusing(explain, OmegaConfBaseException):
         if "environment" in cfg:  # first, since rows of rules refer to the maze
@@ -51,45 +65,45 @@ def resolve(
         if "environment" in cfg:
             _complete_classes(cfg)
         elif "scenario" in cfg and cfg.get("changed") is None:
-            _resolve(command, cfg, dict(choices), overrides, config_dir)
+            _resolve(command, cfg, dict(choices), overrides, folders)
 
 
 def _resolve(
-    command: str, cfg: DictConfig, choices: dict[str, str], overrides: Sequence[str], config_dir: str | None
+    command: str, cfg: DictConfig, choices: dict[str, str], overrides: Sequence[str], folders: Sequence[Path]
 ) -> None:
     for group, known in conf.groups(command).items():
         if group not in _OF_ANY_NUMBER and choices.get(group, NULL) == NULL:
             raise ConfigError(f"{group} must be one of {', '.join(known)}, got none of them, or several")
-    _make_changes(cfg, choices, config_dir)
-    usual = usual_world(command, choices, overrides, config_dir)
-    cfg.changed = ", ".join(differences(cfg, choices, usual)) if usual else ""
+    _make_changes(cfg, choices, folders)
+    world = named_world(command, choices, cfg.change, folders)
+    cfg.changed = ", ".join(differences(cfg, choices, world))
     for group in _NAMED:
         if group in cfg and not cfg[group].get("name"):
             changed = cfg.change if group == "scenario" else ()
             cfg[group].name = "_".join([choices.get(group, ""), *changed])
-    if usual and "training" in cfg and OmegaConf.merge(cfg.training, {"name": ""}) != usual.cfg.training:
+    if "training" in cfg and any(
+        value != world.cfg.training.get(key) for key, value in cfg.training.items() if key != "name"
+    ):
         cfg.training.name += " changed"
     added = cfg.get("adaptation")
     if added and added.name == NONE and (added.change_signal != NONE or added.homeostasis):
         _, is_own, kind = str(added.change_signal).rpartition(":")
         cfg.adaptation.name = kind.lower() if is_own else choices["adaptation"]
     if cfg.get("compare"):
-        cfg.compare = dict(_compared(str(name), given, config_dir) for name, given in cfg.compare.items())
+        cfg.compare = dict(_compared(str(name), given, folders) for name, given in cfg.compare.items())
     if ":" in str((cfg.get("optimizer") or {}).get("algorithm")) and not any(map(_OF_GA.match, overrides)):
         cfg.ga = None
     _complete_parts(cfg)
-    if usual:
-        _fit_rule(cfg, choices["hebbian"], usual.cfg.hebbian)
+    _fit_rule(cfg, choices["hebbian"], world.cfg.hebbian)
 
 
-def _make_changes(cfg: DictConfig, choices: dict[str, str], config_dir: str | None) -> None:
+def _make_changes(cfg: DictConfig, choices: dict[str, str], folders: Sequence[Path]) -> None:
     """Write down what the changes bring, and refuse two that set the same key."""
-    known = changes(Path(config_dir).absolute() if config_dir else None) if cfg.change else {}
     set_by: dict[str, str] = {}
     for name, settings in cfg.change.items():
         if settings is not None:
             raise ConfigError(f"change.{name} takes no settings, got {settings}; put them into change/{name}.yaml")
-        row = known.get(name, {})
+        row = change_row(name, folders)
         for key, _ in conf.flat(row):
             if key in set_by:
                 raise ConfigError(f"change: {set_by[key]} and {name} both change {key}; give one of the two")
@@ -100,29 +114,30 @@ def _make_changes(cfg: DictConfig, choices: dict[str, str], config_dir: str | No
             cfg.physics, choices["physics"] = _physics(physics), physics
 
 
-def _compared(name: str, given: Any, config_dir: str | None) -> tuple[str, Any]:
+def _compared(name: str, given: Any, folders: Sequence[Path]) -> tuple[str, Any]:
     """What is compared, by its name; a name alone stands for the adaptation or the rule of this name."""
     if given is None and name in (NONE, PAPER):  # the run has it anyway
         return HEBBIAN, {"rule": PAPER}
     try:
         if given is None:
-            file = Path(config_dir or ".", "adaptation", f"{name}.yaml")
-            is_adaptation = name in conf.groups("evaluate")["adaptation"] or (config_dir is not None and file.is_file())
-            added = _named(f"{'adaptation' if is_adaptation else 'hebbian'}={name}", config_dir)
+            is_adaptation = any(choice(folder, "adaptation", name) for folder in folders)
+            added = _added("adaptation" if is_adaptation else "hebbian", name, folders)
             return name, {**added["hebbian"], **({"adaptation": added["adaptation"]} if is_adaptation else {})}
         if isinstance(given, DictConfig) and given.get("rule") in {*conf.table("hebbian")} - {NONE, PAPER}:
-            given = OmegaConf.merge(_named(f"hebbian={given.rule}", config_dir)["hebbian"], given)
+            given = OmegaConf.merge(_added("hebbian", given.rule, folders)["hebbian"], given)
         if isinstance(given, DictConfig) and isinstance(given.get("adaptation"), str):
-            given.adaptation = _named(f"adaptation={given.adaptation}", config_dir)["adaptation"]
+            given.adaptation = _added("adaptation", given.adaptation, folders)["adaptation"]
     except ConfigError as error:
         raise ConfigError(f"compare.{name}: {error}") from error
     return name, given
 
 
-def _named(word: str, config_dir: str | None) -> dict[str, Any]:
+def _added(group: str, name: str, folders: Sequence[Path]) -> dict[str, Any]:
     """The settings of a rule and of an adaptation that one choice brings, references unresolved."""
-    values: Any = OmegaConf.to_container(by_hydra("compared", [word], config_dir).cfg)
-    return dict(values)
+    found = named(group, name, folders)
+    values = {} if group == "hebbian" else named("hebbian", found["choices"].get("hebbian", PAPER), folders)
+    merge(values, found if group == "adaptation" else {**named("adaptation", NONE, folders), **found})
+    return values
 
 
 def _complete_classes(cfg: DictConfig) -> None:
@@ -185,15 +200,18 @@ def training_world(config: WorldConfig, evolved_in: str = "") -> Scenario:
     If a change brought that maze, training is in the usual one. evolved_in: the name of the physics of their evolution,
     which may be another than that of the configuration; "" for that of the plane.
     """
-    experiment, name = config.world.experiment, evolved_in or PYMUNK.name
+    trained, name = TRAINED[config.world.experiment], evolved_in or PYMUNK.name
     physics = part_from("physics", config.physics, "physics")
     if physics.name != name:
         physics = part_from("physics", _physics(name), "physics")
-    cfg = by_hydra("evaluate", [f"scenario={TRAINED[experiment]}"]).cfg
-    cfg.scenario.name = TRAINED[experiment]
-    if config.maze.get("name") not in [change.get("maze") for change in config.change.values()]:
-        cfg.maze = config.maze
-    world = scenario_from(OmegaConf.to_object(cfg.scenario), plain(cfg)["maze"], config.robot)
+    is_usual = config.maze.get("name") in [change.get("maze") for change in config.change.values()]
+    maze = named("maze", T_MAZE, [data_folder("conf")])["maze"] if is_usual else config.maze
+    values = {
+        "scenario": {**named("scenario", trained, [data_folder("conf")])["scenario"], "name": trained},
+        "maze": maze,
+    }
+    cfg = OmegaConf.merge({"scenario": OmegaConf.structured(ScenarioConfig)}, values)
+    world = scenario_from(OmegaConf.to_object(cfg.scenario), maze, config.robot)
     return replace(world, physics=physics)
 
 
@@ -205,49 +223,43 @@ def _physics(name: str) -> dict[str, Any]:
     return yaml_file.load(data_folder("conf") / "physics" / f"{name}.yaml")
 
 
-class UsualWorld(NamedTuple):
-    """A configuration of nothing but the choices that name the world. differ: groups of parts with another choice."""
-
-    cfg: DictConfig
-    differ: list[str]
-
-
-def usual_world(
-    command: str, choices: Mapping[str, str], overrides: Sequence[str], config_dir: str | None
-) -> UsualWorld | None:
-    """What the choices that name the world are without anything else; None if nothing that counts differs from it.
+def named_world(command: str, choices: Mapping[str, str], changed: Iterable[str], folders: Sequence[Path]) -> Named:
+    """The choices that name the world, and what they are without anything else.
 
     The program's own choices are taken if there are such, so that a file of the user's that replaces one differs.
+    changed: the changes of the world, by name. folders: that have choices.
     """
-    words = [(str(word.key_or_group), word) for word in parsed(overrides)]
-    naming = [word for key, word in words if key in ("scenario", "change") and not isinstance(word.value(), dict)]
-    others = [key for key, word in words if word not in naming and key != _RECORDING]
-    if config_dir is None and not any(key.partition(".")[0] in _COMPARED or key == "hebbian.rule" for key in others):
-        return None
-    changes_named = [str(word.input_line) for word in naming if word.key_or_group == "change"]
+    ours = data_folder("conf")
 
-    def usual(folder: str | None) -> UsualWorld:
-        named = [f"scenario='{choices['scenario']}'", *changes_named]
-        found = by_hydra(command, named, folder)
-        differ = [group for group in (*_PARTS, *_USUAL) if choices.get(group) != found.choices.get(group)]
-        if differ:
-            found = by_hydra(command, [*named, *(f"{group}='{choices[group]}'" for group in differ)], folder)
-        find_own_files(found.cfg)
-        return UsualWorld(found.cfg, [group for group in differ if group in _PARTS])
+    def brought(group: str, name: str) -> dict[str, Any]:
+        is_ours = choice(ours, group, name) is not None
+        return named(group, name, [ours] if is_ours else folders)
 
-    try:
-        return usual(None)
-    except ConfigError:  # a choice of the user's
-        return usual(config_dir)
+    main = yaml_file.load(conf.command_file(command))
+    usual = {group: name for entry in main[DEFAULTS] if isinstance(entry, Mapping) for group, name in entry.items()}
+    values: dict[str, Any] = {key: dict(vars(kind())) for key, kind in _DEFAULTS.items()} | {"network": main["network"]}
+    worlds = [brought("scenario", choices["scenario"]), *(brought("change", name) for name in changed)]
+    for world in worlds:
+        usual |= world["choices"]
+    differ = [group for group in _PARTS if choices[group] != usual[group]]
+    parts = [brought(group, choices[group]) for group in (*_PARTS, *_USUAL) if group in choices]
+    for part in parts:
+        usual |= part["choices"]  # a task brings its lifetime
+    for more in (brought("lifetime", usual["lifetime"]), *worlds, *parts):
+        merge(values, more)
+    del values["choices"]
+    cfg = OmegaConf.create(values)
+    find_own_files(cfg)
+    return Named(cfg, differ)
 
 
-def differences(cfg: DictConfig, choices: Mapping[str, str], usual: UsualWorld) -> Iterator[str]:
+def differences(cfg: DictConfig, choices: Mapping[str, str], world: Named) -> Iterator[str]:
     """What differs from the named world, as overrides. What follows from another value is not repeated."""
-    yield from (f"{group}={choices[group]}" for group in usual.differ)
-    mine, its = _values(cfg, resolve=True), _values(usual.cfg, resolve=True)
+    yield from (f"{group}={choices[group]}" for group in world.differ)
+    mine, its = _values(cfg, resolve=True), _values(world.cfg, resolve=True)
     if (wiring := mine["network.wiring"]) != LAYERS:
         its |= {f"network.{field.name}": field.default for field in fields(part_class("wiring", wiring, "network"))}
-    raw, its_raw = _values(cfg, resolve=False), _values(usual.cfg, resolve=False)
+    raw, its_raw = _values(cfg, resolve=False), _values(world.cfg, resolve=False)
     for key, value in mine.items():
         is_same = value == its.get(key, "null") or (key in its_raw and raw.get(key) == its_raw[key])
         if is_same or key in (_RECORDING, "scenario.name"):

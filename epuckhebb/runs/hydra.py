@@ -37,9 +37,10 @@ from epuckhebb.config import (
     value_of,
     world_name,
 )
-from epuckhebb.config.catalogue import USERS, VERSION_BASE, catalogue, choices_of
+from epuckhebb.config.catalogue import SEARCH_PATH, USERS, VERSION_BASE, catalogue, choices_of
 from epuckhebb.config.compose import composed_with_hydra
 from epuckhebb.config.resolve import resolve
+from epuckhebb.config.source import folders_of
 from epuckhebb.runs.jobs import Jobs, LauncherError, Task, names_of_overrides
 from epuckhebb.runtime import (
     ConfigError,
@@ -214,7 +215,7 @@ def _run_one(
     """Run one job in this process; its folder is named when its configuration is complete."""
     for override in overrides:
         is_hydras = override.lstrip("+~").startswith(("hydra.", "hydra/"))
-        if is_hydras and not override.startswith((RUN_DIR, "hydra.searchpath=")):
+        if is_hydras and not override.startswith((RUN_DIR, SEARCH_PATH)):
             raise ConfigError(f"{override} does nothing in one run; give {RUN_DIR}FOLDER, or -m for many runs")
     _, _, cfg, hydras, _ = composed_with_hydra(command, overrides, config_dir)
     config = typed(cfg, SCHEMAS[command])
@@ -244,7 +245,7 @@ def _job_of_hydra(command: str, job: Callable[[Job], None], cfg: DictConfig) -> 
     overrides, sources = _unresolved(HydraConfig.get().overrides.task), _unresolved(runtime)["config_sources"]
     folder = next((source["path"] for source in sources if source["provider"] == USERS and source["path"]), None)
     try:
-        resolve(command, cfg, choices_of(runtime), overrides, folder)
+        resolve(command, cfg, choices_of(runtime), overrides, folders_of(runtime))
         config: Any = typed(cfg, SCHEMAS[command])
         facts, is_many = _facts(command, overrides, folder), HydraConfig.get().mode == RunMode.MULTIRUN
         job(Job(path, config, overrides, facts, threads_of_job(config.threads), is_many))

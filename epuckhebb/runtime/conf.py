@@ -48,14 +48,12 @@ def files(group: str) -> list[Path]:
     return [*table, *sorted((conf / group).glob("*.yaml"))]
 
 
-@functools.cache
-def table(group: str) -> dict[str, Any]:
-    """The rows of a group of `TABLES`, not to be changed."""
-    import yaml
+def table(group: str, folder: Path | None = None) -> dict[str, Any]:
+    """The rows of a group of `TABLES` in a folder, `conf/` unless given; not to be changed."""
+    from epuckhebb.runtime import yaml_file
 
-    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-    (file, *_) = files(group)
-    return {str(name): row for name, row in yaml.load(file.read_text(encoding="utf-8"), Loader=loader).items()}
+    file = (folder or data_folder("conf")) / TABLES[group]
+    return yaml_file.read(file, is_table=True).settings if file.is_file() else {}
 
 
 @functools.cache
