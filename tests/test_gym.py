@@ -176,6 +176,6 @@ def test_what_gymnasium_refuses_is_refused_in_its_way():
         env.step(np.zeros(2))
     with pytest.raises(TypeError, match="make another one"):
         copy.deepcopy(env)
-    for settings, text in (({"render_mode": "human"}, "render_mode"), ({"scenario": 3}, "scenario=3")):
+    for settings, text in (({"render_mode": "human"}, "render_mode"), ({"scenario": 3}, "scenario='3'")):
         with pytest.raises(ValueError, match=text):
             TMaze(**settings)
