@@ -116,6 +116,19 @@ def test_a_multirun_resumes_as_a_whole(here, monkeypatch):
         assert (many / "1" / name).read_bytes() == (here / "never_stopped" / name).read_bytes()
 
 
+def test_an_evaluation_of_many_that_was_stopped_begins_again(here):
+    words = ["evaluate", "-m", "seed=1,2", *FAST, "figures=none", "hydra.sweep.dir=many"]
+    done(*words)
+    run = here / "many" / "1"
+    metrics, status = (run / "metrics.csv").read_bytes(), json.loads((run / "status.json").read_text())
+    (run / "metrics.csv").write_bytes(metrics[:50])
+    (run / "status.json").write_text(json.dumps(status | {"state": "interrupted"}))
+    assert "many/1" in call("figure", "many").stderr
+    assert "1 done before, 1 to do" in done(*words).stderr
+    assert (run / "metrics.csv").read_bytes() == metrics
+    assert json.loads((run / "status.json").read_text())["state"] == "finished"
+
+
 def test_cfg_shows_and_runs_nothing(here):
     result = done("evaluate", "--cfg", "job", "scenario=lowlight")
     assert "light: 0.1" in result.stdout
