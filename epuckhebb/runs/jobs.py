@@ -98,9 +98,12 @@ Plan = Callable[[Sequence[Sequence[str]], Callable[[int], str]], list[Task]]
 class Jobs:
     """All jobs of a call."""
 
-    def __init__(self, plan: Plan) -> None:
-        """Know no job yet. plan: gives the tasks of jobs that Hydra's sweeper lists by their overrides."""
-        self.plan, self.tasks, self._trouble = plan, list[Task](), ""
+    def __init__(self, plan: Plan, *, says_counts: bool = True) -> None:
+        """Know no job yet.
+
+        plan: gives the tasks of jobs that Hydra's sweeper lists by their overrides. says_counts: say how many are done.
+        """
+        self.plan, self.says_counts, self.tasks, self._trouble = plan, says_counts, list[Task](), ""
 
     def launch(self, do: Do, listed: Sequence[Sequence[str]], subdir: Callable[[int], str]) -> None:
         """Do the jobs that are listed, but for those that are done or at work.
@@ -114,9 +117,10 @@ class Jobs:
         states = [task.state for task in tasks]
         missing = [task for task, state in zip(tasks, states, strict=True) if state not in (State.done, State.at_work)]
         self.tasks += tasks
-        working = f"{states.count(State.at_work)} at work, " if State.at_work in states else ""
-        done = states.count(State.done)
-        say(f"{len(tasks)} jobs, {done} done before, {working}{len(missing)} to do.")
+        if self.says_counts:
+            working = f"{states.count(State.at_work)} at work, " if State.at_work in states else ""
+            done = states.count(State.done)
+            say(f"{len(tasks)} jobs, {done} done before, {working}{len(missing)} to do.")
         with counting(len(missing), _ends(missing)):
             for first in range(0, len(missing), AT_ONCE):
                 self._launch(do, missing[first : first + AT_ONCE])

@@ -106,7 +106,7 @@ def launch(study: RunFolder, name: str, jobs: Sequence[Job], launcher: list[str]
             for place, (job, words, own) in enumerate(zip(missing, names, listed, strict=True))
         ]
 
-    tasks = Jobs(plan)
+    tasks = Jobs(plan, says_counts=False)  # only what is missing
     if missing:
         place = f"{SWEEP_DIR}{quoted(str(folder.absolute()))}"  # a worker may have been started elsewhere
         hydra.call(
