@@ -2,11 +2,12 @@
 
 import json
 import re
+import signal
 import sys
 
 import pytest
 
-from epuckhebb.runtime import errors, progress
+from epuckhebb.runtime import errors
 from epuckhebb.runtime.errors import ConfigError, JobFailedError
 from epuckhebb.runtime.progress import bar, be_quiet, counting, say
 from epuckhebb.store import lock
@@ -79,6 +80,24 @@ def test_how_it_ends_is_written_down_and_it_can_go_on(study, error, raised, stat
     assert (status(folder)["state"], "error" in status(folder)) == ("finished", False)
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="no such signal")
+@pytest.mark.parametrize("is_signal", [True, False])
+def test_a_launcher_that_ends_its_job_is_let_through_and_a_part_that_leaves_python_has_failed(study, is_signal):
+    folder, _ = study
+    raised = SystemExit if is_signal else JobFailedError
+
+    def leave(*_):
+        sys.exit(-1)
+
+    before = signal.signal(signal.SIGUSR2, leave if is_signal else signal.SIG_DFL)
+    try:
+        with pytest.raises(raised), RunFolder.resume(folder, "study", None, [], {}):
+            signal.raise_signal(signal.SIGUSR2) if is_signal else leave()
+    finally:
+        signal.signal(signal.SIGUSR2, before)
+    assert status(folder)["state"] == ("interrupted" if is_signal else "failed")
+
+
 def test_one_process_at_a_time(study):
     folder, work = study
     with RunFolder.resume(folder, "study", None, [], {}):
@@ -115,15 +134,16 @@ def test_the_bar_shows_how_much_is_done(monkeypatch, capsys):
     assert re.fullmatch(r"generation 5/10 \S+ *, best 0\.6  \d\d:\d\d", lines[1])
 
 
-def test_jobs_are_counted_and_a_log_has_a_bar_in_half_a_minute(capsys, monkeypatch):
+def test_each_job_that_ends_has_a_line_in_a_log(capsys):
+    ended = iter([[("seed=1", "done"), ("seed=2", "failed")]])
+
     def shown():
-        with counting(3, lambda: (2, 1)):
+        with counting(3, lambda: next(ended, [])):
             pass
-        return capsys.readouterr().err
+        return capsys.readouterr().err.splitlines()
 
     be_quiet(False)
-    assert shown() == ""
-    monkeypatch.setattr(progress, "_LOG_S", 0.0)
-    assert "job 3/3" in shown()
+    assert [line.partition(";")[0] for line in shown()] == ["job 1 of 3 done: seed=1", "job 2 of 3 failed: seed=2"]
     be_quiet(True)
-    assert shown() == ""
+    ended = iter([[("seed=1", "done")]])
+    assert shown() == []

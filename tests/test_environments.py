@@ -512,3 +512,19 @@ def test_a_champion_of_an_environment_is_refused_elsewhere():
     ):
         refused(*words)
     assert call("evolve", "environment=tmaze", "--cfg", "job").stdout == call("evolve", "--cfg", "job").stdout
+
+
+def test_an_environment_that_goes_elsewhere_takes_no_result_along(here):
+    (here / "mine.py").write_text(
+        "import os\nimport gymnasium\nimport numpy as np\n\n\nclass Away(gymnasium.Env):\n"
+        "    observation_space = gymnasium.spaces.Box(-1, 1, (2,), np.float64)\n"
+        "    action_space = gymnasium.spaces.Box(-1, 1, (1,), np.float64)\n\n"
+        "    def __init__(self):\n        os.chdir('/')\n\n"
+        "    def reset(self, *, seed=None, options=None):\n        os.chdir('/')\n        return np.zeros(2), {}\n\n"
+        "    def step(self, action):\n        return np.zeros(2), 1.0, True, False, {}\n"
+    )
+    words = ["environment=mine.py:Away", "optimizer.population=4", "optimizer.generations=1", "figures=none"]
+    done("evolve", *words, "environment.processes=1", "hydra.run.dir=one")
+    done("evolve", *words, "environment.processes=1", "-m", "seed=1,2", "hydra.sweep.dir=many")
+    assert all((here / run / "champion.npz").is_file() for run in ("one", "many/0", "many/1"))
+    assert Path.cwd() == here

@@ -23,7 +23,7 @@ from epuckhebb.evolution.optimizers.sep_cma_es import SepCmaEs
 from epuckhebb.evolution.search import LEARNT, Search
 from epuckhebb.evolution.training import UNVARIED, Training
 from epuckhebb.runs import prepare_evolution
-from epuckhebb.store import load_genome, of_multirun
+from epuckhebb.store import load_genome
 from epuckhebb.studies.sweep import write_summary_of_multirun
 from epuckhebb.tmaze.individual import Controller
 from epuckhebb.tmaze.life import Lifetime
@@ -243,7 +243,7 @@ def test_an_evolution_counts_once_and_only_when_it_is_finished():
     (table,) = pd.read_csv("many/summary.csv").to_dict("records")
     assert table["n"] == 2
     done("evolve", "resume=many/0", "ga.generations=3", "-q")
-    write_summary_of_multirun(Path("many"), of_multirun(Path("many")))
+    write_summary_of_multirun(Path("many"))
     ways = pd.read_csv("many/summary.csv")
     assert dict(zip(ways.generations, ways.n, strict=True)) == {2: 2, 3: 1}
 

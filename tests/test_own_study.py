@@ -77,6 +77,8 @@ def test_its_figure_is_drawn_again_and_it_is_shown(study, here):
         (["my_studies.py:Dimming", "hydra/sweeper=basic"], ["hydra/sweeper"]),
         (["empty.py:Empty"], ["plan"]),
         (["broken.py:Broken"], ["ZeroDivisionError"]),
+        (["none_to_do.py:NoneToDo"], ["plan"]),
+        (["arrays.py:Arrays"], ["plan"]),
     ],
 )
 @pytest.mark.usefixtures("study")
@@ -86,6 +88,38 @@ def test_what_cannot_be_planned_is_refused(here, words, texts):
     plan = "    def plan(self):\n        return [1 / 0]\n"
     do = "    @classmethod\n    def do(cls, job):\n        return {}\n"
     (here / "broken.py").write_text(f"{start} Broken(Study):\n{plan}\n{do}")
+    for name, jobs in {"NoneToDo": "[]", "Arrays": "[{'a': __import__('numpy').zeros(2)}]"}.items():
+        file = "none_to_do.py" if name == "NoneToDo" else "arrays.py"
+        (here / file).write_text(f"{start} {name}(Study):\n{plan.replace('[1 / 0]', jobs)}\n{do}")
     told = refused("sweep", *words)
     assert [text for text in texts if text not in told] == []
     assert not (here / "runs").exists()
+
+
+@pytest.mark.parametrize(("body", "key"), [("{'../outside': pd.DataFrame()}", "../outside"), ("1 / 0", "ZeroDivision")])
+def test_a_job_that_cannot_be_done_is_one_message_and_writes_nothing_outside(here, body, key):
+    (here / "mine.py").write_text(
+        "import pandas as pd\nfrom epuckhebb import Study\n\n\nclass Mine(Study):\n"
+        "    def plan(self):\n        return [{'a': 1}]\n\n"
+        f"    @classmethod\n    def do(cls, job):\n        return {body}\n"
+    )
+    told = call("sweep", "mine.py:Mine", "hydra/launcher=basic", "hydra.sweep.dir=out")
+    assert told.exit_code == 1
+    assert key in told.stderr
+    assert "Traceback" not in told.stderr
+    assert list(here.rglob("outside.csv")) == []
+
+
+def test_a_killed_worker_costs_its_job_alone_and_a_job_may_go_elsewhere(here):
+    (here / "mine.py").write_text(
+        "import os\nimport signal\nimport pandas as pd\nfrom epuckhebb import Study\n\n\nclass Mine(Study):\n"
+        "    def plan(self):\n        return [{'number': number} for number in range(6)]\n\n"
+        "    @classmethod\n    def do(cls, job):\n        os.chdir('/')\n"
+        "        if job['number'] == 1:\n            os.kill(os.getpid(), signal.SIGKILL)\n"
+        "        return {'numbers': pd.DataFrame([job])}\n"
+    )
+    told = call("sweep", "mine.py:Mine", "hydra/launcher=joblib", "hydra.launcher.n_jobs=2", "hydra.sweep.dir=out")
+    assert told.exit_code == 1
+    assert "1 of 6 jobs" in told.stderr
+    done_jobs = [pd.read_csv(file).number[0] for file in (here / "out").glob("job_*/numbers.csv")]
+    assert sorted(done_jobs) == [0, 2, 3, 4, 5]

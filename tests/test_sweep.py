@@ -1,6 +1,5 @@
 """A named sweep: what it runs, what it does not run again, and its tables, killed or not."""
 
-import contextlib
 import json
 import os
 import re
@@ -20,13 +19,12 @@ from epuckhebb.config import alternatives, compose, readable, value_of
 from epuckhebb.config.schema import EvaluateConfig, value_as_declared
 from epuckhebb.runs import evaluate as runs_evaluate
 from epuckhebb.runs import hydra
-from epuckhebb.runtime import ConfigError, JobFailedError
+from epuckhebb.runtime import ConfigError
 from epuckhebb.runtime.conf import groups
 from epuckhebb.runtime.resources import data_folder
 from epuckhebb.store import provenance
 from epuckhebb.store.genome import load_genome
 from epuckhebb.store.run import Run
-from epuckhebb.studies import jobs as study_jobs
 from epuckhebb.studies import leaderboard, sweep
 
 FAST = ["lifetime.duration_s=3", "repeats=2"]
@@ -179,8 +177,8 @@ def test_another_genome_or_another_science_is_done_anew(here, monkeypatch):
 
 
 def test_each_job_has_its_own_reason(here, monkeypatch):
-    """One fails in its run, one before it has one, and the launcher stops before the others begin."""
-    evaluate, work, call_hydra = runs_evaluate.evaluate, sweep.Sweep.work, hydra.call
+    """One fails in its run, and one before it has one."""
+    evaluate, work = runs_evaluate.evaluate, sweep.Sweep.work
 
     def fail(genes, scenario, *others, **more):
         if scenario.name == "2obstacles":
@@ -192,36 +190,12 @@ def test_each_job_has_its_own_reason(here, monkeypatch):
             raise ConfigError("the table is empty")
         work(path, job, facts)
 
-    def stop(command, task, arguments):
-        jobs = arguments[0].split(",")
-        with contextlib.suppress(ConfigError, JobFailedError):  # the first job's that failed
-            call_hydra(command, task, [",".join(jobs[:5]), *arguments[1:]])
-        raise hydra.LauncherError("the launcher stopped: CANCELLED")
-
     monkeypatch.setattr(runs_evaluate, "evaluate", fail)
     monkeypatch.setattr(sweep.Sweep, "work", staticmethod(refuse))
-    monkeypatch.setattr(hydra, "call", stop)
-    words = ["sweep", "obstacles", "scenario=base,2obstacles,4obstacles", "seed=1,2", *FAST, "hydra/launcher=basic"]
+    words = ["sweep", "obstacles", "scenario=base,2obstacles,4obstacles", *FAST, "hydra/launcher=basic"]
     assert call(*words).exit_code == 1
     failed = pd.read_csv(only_sweep(here) / "failed.csv").error
-    assert [one.rpartition(": ")[2] for one in failed[:2]] == ["the robot is lost"] * 2
-    assert list(failed[2:]) == ["the table is empty", "it has not begun; the launcher stopped: CANCELLED"]
-
-
-@pytest.mark.parametrize(
-    ("status", "trouble", "reason"),
-    [
-        ({"state": "failed", "error": "lost"}, "; the launcher stopped", "lost"),
-        ({"state": "running"}, "; the launcher stopped", "it may be at work; the launcher stopped"),
-        ({"state": "running"}, "", "it ended unexpectedly"),
-        ({}, "; the launcher stopped", "it has not begun; the launcher stopped"),
-        ({}, "", "it has not begun"),
-    ],
-)
-def test_a_job_without_a_run_says_how_far_it_came(tmp_path, status, trouble, reason):
-    if status:
-        (tmp_path / "status.json").write_text(json.dumps(status))
-    assert study_jobs._reason(tmp_path, trouble) == reason
+    assert [one.rpartition(": ")[2] for one in failed] == ["the robot is lost", "the table is empty"]
 
 
 @pytest.mark.usefixtures("failing")
@@ -248,23 +222,6 @@ def test_a_failed_job_is_told_of_and_the_others_are_kept(here, monkeypatch):
     assert "95 % interval: noise only, this champion" in shown
     for other in ("rerun", "replay"):
         refused(other, folder)
-
-
-@pytest.mark.usefixtures("failing")
-def test_a_launcher_gets_so_many_jobs_at_a_time_and_all_of_them_though_one_failed(here, monkeypatch):
-    monkeypatch.setattr(study_jobs, "AT_ONCE", 2)
-    call_hydra, counts = hydra.call, []
-
-    def counted(command, do, arguments):
-        counts.append(arguments[0].count(",") + 1)
-        call_hydra(command, do, arguments)
-
-    monkeypatch.setattr(hydra, "call", counted)
-    result = call("sweep", "obstacles", "scenario=base,4obstacles,2obstacles", *FAST, "hydra/launcher=basic")
-    assert (result.exit_code, counts) == (1, [2, 1])
-    folder = only_sweep(here)
-    assert list(pd.read_csv(folder / "failed.csv").job) == [0]
-    assert set(pd.read_csv(folder / "sweep.csv").scenario) == {"2obstacles", "4obstacles"}
 
 
 @pytest.mark.thorough
@@ -380,14 +337,6 @@ def test_threads_do_not_multiply_with_the_width(monkeypatch):
     for asked, n_jobs, given in [(0, -1, 1), (0, 2, 1), (4, -1, 1), (4, 2, 4), (8, 2, 4), (4, 16, 1), (2, -2, 1)]:
         assert threads(asked, RunMode.MULTIRUN, "x.JoblibLauncher", n_jobs=n_jobs) == given
     assert threads(0, RunMode.MULTIRUN, "x.SlurmLauncher") == 1
-
-
-def test_one_bar_counts_the_runs_and_the_failures(here):
-    for name, state in (("job_a", "finished"), ("unfinished/s_1", "failed"), ("unfinished/s_2", "running")):
-        (here / name).mkdir(parents=True)
-        (here / name / "status.json").write_text(json.dumps({"state": state}))
-    jobs = [study_jobs.Job(number=n, overrides=[], run=f"job_{name}", config={}) for n, name in enumerate("abc")]
-    assert study_jobs.count(here, jobs, [here / "unfinished" / f"s_{n}" for n in (1, 2, 3)]) == (1, 1)
 
 
 @pytest.mark.parametrize(

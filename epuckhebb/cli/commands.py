@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -28,6 +29,7 @@ from epuckhebb.cli.options import (
 from epuckhebb.runtime import JOB_FAILED, ConfigError, JobFailedError
 
 if TYPE_CHECKING:
+    from epuckhebb.runs.jobs import Jobs
     from epuckhebb.studies.study import Planned
 
 app = typer.Typer(
@@ -45,23 +47,44 @@ def run_command(
 ) -> None:
     """Let Hydra run a command, and print the results."""
     from epuckhebb.config import check_words, for_hydra
-    from epuckhebb.runs import hydra
+    from epuckhebb.runs import check_same, hydra
 
     multirun, config_dir = options.multirun, options.config_dir
     if multirun and options.cfg:
         raise ConfigError("--cfg shows the configuration of one job: leave out --multirun, and give each key one value")
-    flags = [*(["--multirun"] if multirun else []), *(["--cfg", options.cfg] if options.cfg else [])]
     name, words = for_hydra(command, words)
     check_words(name, words, several=multirun)
     if not options.cfg:
         hydra.check(name, words, config_dir, prepare, multirun=multirun)
-    runs = hydra.run(name, job, [*words, *flags], config_dir, reporter(options))
-    if multirun and runs:
-        from epuckhebb.studies.sweep import write_summary_of_multirun
+    if multirun:
 
-        write_summary_of_multirun(runs[0].parent, runs)
-    if not options.cfg:
-        print_runs(command, runs, options)
+        def check(path: Path, config: Any) -> None:
+            check_same(path, config, getattr(prepare(config), "genome", None))
+
+        finish_many(command, *hydra.run_many(name, job, words, config_dir, check), options)
+        return
+    shown = ["--cfg", options.cfg] if options.cfg else []
+    if path := hydra.run(name, job, [*words, *shown], config_dir, reporter(options)):
+        print_run(command, path, options)
+
+
+def finish_many(command: str, folder: Path, jobs: "Jobs", output: Output) -> None:
+    """Write and print the tables over all whole runs of a multirun; jobs that have none are an error."""
+    from epuckhebb.cli import show
+    from epuckhebb.runs.jobs import failure_text
+    from epuckhebb.store import Run, of_multirun
+    from epuckhebb.studies.sweep import write_summary_of_multirun
+
+    write_summary_of_multirun(folder)
+    runs = [path for path in of_multirun(folder) if Run(path).is_whole]
+    failed = [{"run": str(task.path), "error": reason} for task, reason in jobs.failures]
+    output.print(
+        lambda: {"command": command, "runs": list(map(show.as_json, runs)), "failed": failed},
+        lambda console: show.print_many(runs, console),
+    )
+    if failed:
+        reasons = [(f"{task.path.name} ({task.name})", reason) for task, reason in jobs.failures]
+        raise JobFailedError(failure_text(reasons, len(jobs.tasks)))
 
 
 def reporter(output: Output) -> Callable[[Path], None]:
@@ -71,13 +94,13 @@ def reporter(output: Output) -> Callable[[Path], None]:
     return lambda path: output.print_text(lambda console: show.print_results(path, console))
 
 
-def print_runs(command: str, runs: list[Path], output: Output) -> None:
-    """Print the results of the runs of one call, but as text those of many alone: one has printed them."""
+def print_run(command: str, path: Path, output: Output) -> None:
+    """Print where a run is, whose results have been printed, or all as JSON."""
     from epuckhebb.cli import show
 
     output.print(
-        lambda: {"command": command, "runs": list(map(show.as_json, runs))},
-        lambda console: show.print_finished(runs, console),
+        lambda: {"command": command, "runs": [show.as_json(path)]},
+        lambda console: print_line(console, f"Run folder: {path}"),
     )
 
 
@@ -114,16 +137,26 @@ def run_study(planned: "Planned", output: Output, *, dry_run: bool = False) -> N
 @takes_options
 def evolve(overrides: Overrides = None, *, options: RunOptions) -> None:
     """Evolve a controller."""
-    from epuckhebb.runs import evolve_job, prepare_evolution, resume
+    from epuckhebb.runs import evolve_job, hydra, prepare_evolution, resume
+    from epuckhebb.runtime import path_of
+    from epuckhebb.store import MULTIRUN
 
     words = with_genomes_named(overrides)
     if any(word.startswith("resume=") for word in words):
         if options.multirun or options.cfg or options.config_dir:
             raise ConfigError("resume=RUN goes on with the settings of RUN: no -m, --cfg or --config-dir with it")
-        print_runs("evolve", [resume(words, reporter(options))], options)
-        return
+        changes = [word for word in words if not word.startswith("resume=")]
+        (folder, *others) = (path_of(word.removeprefix("resume="), "resume") for word in words if word not in changes)
+        if others or not (folder / MULTIRUN).is_file():
+            print_run("evolve", resume(words, reporter(options)), options)
+            return
+        words, config_dir = hydra.call_of_multirun(folder, changes)
+        options = replace(options, multirun=True, config_dir=config_dir)
 
-    run_command("evolve", evolve_job, lambda config: prepare_evolution(config).compile(), words, options)
+    def prepare(config: Any) -> None:
+        prepare_evolution(config).compile()
+
+    run_command("evolve", evolve_job, prepare, words, options)
 
 
 @app.command(cls=Command)

@@ -14,7 +14,7 @@ from rich.console import Console
 from typer.core import TyperCommand
 
 from epuckhebb.cli.console import Terminal, json_text, report_errors
-from epuckhebb.runtime import LATEST, be_quiet
+from epuckhebb.runtime import LATEST, be_quiet, refusing
 
 
 class Command(TyperCommand):
@@ -23,6 +23,8 @@ class Command(TyperCommand):
     def invoke(self, ctx: Any) -> Any:
         """Do what the command does."""
         with report_errors():
+            with refusing(lambda _: "the working folder was removed; change to one that is there", FileNotFoundError):
+                Path.cwd()
             return super().invoke(ctx)
 
     def format_help_text(self, ctx: Any, formatter: Any) -> None:

@@ -122,16 +122,10 @@ def print_study(study: "type[Study]", path: Path, console: Console) -> None:
             print_line(console, f"{what}: {files[0].parent}/: {', '.join(file.name for file in files)}")
 
 
-def print_finished(finished: list[Path], console: Console) -> None:
-    """Print the results of the runs of one call, or where the only one is, whose results have been printed."""
-    if len(finished) > 1:
-        _print_multirun(finished, console)
-    elif finished:
-        print_line(console, f"Run folder: {finished[0]}")
-
-
-def _print_multirun(finished: list[Path], console: Console) -> None:
+def print_many(finished: list[Path], console: Console) -> None:
     """Print the tables over all runs of a multirun, or a line for each run, and where they are."""
+    if not finished:
+        return
     folder = finished[0].parent
     if Run(folder).has("summary.csv"):
         from epuckhebb.studies.sweep import Sweep  # studies take a while to load
@@ -160,7 +154,7 @@ def show(what: str | None, console: Console) -> None:
         return
     path = resolve_run(what)
     if many := of_multirun(path):
-        _print_multirun(many, console)
+        print_many(many, console)
     else:
         _print_run(path, console)
 

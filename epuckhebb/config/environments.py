@@ -6,6 +6,7 @@ They have files of their own in `conf/`, so that keys of the maze are none of th
 import functools
 import importlib
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import chdir
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
@@ -159,7 +160,7 @@ def _make(settings: Environment, **more: Any) -> Any:
         hint = f"; environments of MuJoCo: {_INSTALL}" if isinstance(error, missing) and not package else ""
         return f"environment.id={settings.id}: {type(error).__name__}: {error}{hint}"
 
-    with refusing(reason, Exception):
+    with refusing(reason, Exception), chdir(Path.cwd()):  # one of the user's may go elsewhere
         if package.endswith(".py"):
             kind: Any = class_named(settings.id, gymnasium.Env, "environment.id")
             return kind(**options)

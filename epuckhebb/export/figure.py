@@ -39,8 +39,10 @@ def _of_run(run: Run, name: str) -> Figure:
 
 
 def names(path: Path) -> list[str]:
-    """The figures that a run has."""
+    """The figures that a run has; the tables and figures of a multirun are made, of its whole runs."""
     run = Run(path)
+    if of_multirun(path):
+        sweep.write_summary_of_multirun(path)
     known = [name for name, file in FIGURES.items() if run.has(file)]
     known = known or sorted(file.stem for file in (path / "figures").glob("*.png"))
     if not known:

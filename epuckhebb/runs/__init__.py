@@ -6,6 +6,7 @@ fails raises `JobFailedError`.
 """
 
 from epuckhebb.runs import hydra
+from epuckhebb.runs.begin import check_same
 from epuckhebb.runs.environments import film
 from epuckhebb.runs.evaluate import (
     PreparedEvaluation,
@@ -21,7 +22,6 @@ from epuckhebb.runs.evolve import (
     evolve_into,
     evolve_job,
     evolved,
-    new_evolution,
     prepare_evolution,
     resume,
     settings_but_seed,

@@ -20,10 +20,8 @@ from epuckhebb.config import (
     Checked,
     EvaluateConfig,
     alternatives,
-    dump,
     environment_of_run,
     hand,
-    own_files,
     quoted,
     training_world,
     typed_as,
@@ -37,11 +35,13 @@ from epuckhebb.controller.plasticity.control import MOST_KEPT, Control
 from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, Rule, evolved_sizes
 from epuckhebb.controller.wiring import LAYERS, Wiring
 from epuckhebb.runs import hydra
+from epuckhebb.runs.begin import begin
 from epuckhebb.runs.hydra import Report, unreported
 from epuckhebb.runs.notes import notes_of
 from epuckhebb.runtime import LATEST, ConfigError, data_folder, refusing, saying_if_slow
 from epuckhebb.store import (
     Genome,
+    Run,
     RunFolder,
     as_npz,
     below_runs,
@@ -246,7 +246,8 @@ def prepare_evaluation(config: Any, genome: Genome | None = None) -> Any:
 
 def evaluate_job(job: hydra.Job) -> None:
     """Evaluate into the folder of a job."""
-    evaluate_into(job.path, job.config, job.overrides, job.facts, threads=job.threads, report=job.report)
+    words = job.path, job.config, job.overrides, job.facts
+    evaluate_into(*words, threads=job.threads, is_many=job.in_multirun, report=job.report)
 
 
 def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:
@@ -324,12 +325,17 @@ def evaluate_into(
     facts: dict[str, Any],
     *,
     threads: int,
+    is_many: bool = False,
     report: Report = unreported,
 ) -> None:
-    """Claim a folder and evaluate into it. overrides, facts: as for `RunFolder.new`. report: as of a `Job`.
+    """Evaluate into a folder. overrides, facts: as of `RunFolder`. report: as of a `Job`.
+
+    is_many: whether it is one of many, which begins again if it was stopped in this folder.
 
     Figures come last. If one cannot be drawn, the run has failed, and keeps its tables.
     """
+    if is_many and Run(path).is_whole:
+        return
     prepared = prepare_evaluation(config)
     genome, notes = prepared.genome, prepared.notes
     facts = {
@@ -343,7 +349,7 @@ def evaluate_into(
     }
     prepared.compile()
     nominal = prepared.remember(threads)
-    with RunFolder.new(path, "evaluate", dump(config), overrides, facts, own_files(config.values)) as run:
+    with begin(path, "evaluate", config, overrides, facts, goes_on=is_many, genome=genome) as run:
         figures = prepared.write(run, nominal, threads)
-        report(path)
+        report(run.path)
         draw(run, config, genome.name, figures)

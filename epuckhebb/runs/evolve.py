@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from epuckhebb.adaptation.nominal import Nominal, measure_nominal
 from epuckhebb.config import (
-    OWN_CODE,
     EvolveConfig,
     dump,
     from_values,
@@ -35,6 +34,7 @@ from epuckhebb.evolution.evolve import Generation, evolve, training_signs, with_
 from epuckhebb.evolution.optimizer import limits
 from epuckhebb.evolution.search import Results, Search, check_start
 from epuckhebb.runs import hydra
+from epuckhebb.runs.begin import begin, check_own
 from epuckhebb.runs.evaluate import check_genome, compile_for, draw
 from epuckhebb.runs.hydra import Report, unreported
 from epuckhebb.runtime import ConfigError, bar, path_of, refusing, say, thread_count
@@ -68,8 +68,9 @@ def evolve_job(job: hydra.Job) -> None:
     for note in notes if not job.in_multirun else ():
         say(note)
     facts = {**({"notes": notes} if notes else {}), **job.facts}
-    run = new_evolution(job.path, job.config, job.overrides, facts)
-    evolve_into(run, prepared, None, threads=job.threads, quiet=job.in_multirun, report=job.report)
+    evolve_into(
+        job.path, prepared, job.overrides, facts, threads=job.threads, is_many=job.in_multirun, report=job.report
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -241,13 +242,30 @@ def _start_genes(first: Genome, config: EvolveConfig) -> NDArray[np.float64]:
     return start
 
 
-def new_evolution(path: Path, config: EvolveConfig, overrides: list[str], facts: dict[str, Any]) -> RunFolder:
-    """Claim the folder of an evolution."""
-    facts = {"seed": config.seed, **facts}
-    return RunFolder.new(path, "evolve", dump(config), overrides, facts, own_files(config.values))
-
-
 def evolve_into(
+    path: Path,
+    prepared: PreparedEvolution,
+    overrides: list[str],
+    facts: dict[str, Any],
+    *,
+    threads: int,
+    is_many: bool = False,
+    report: Report = unreported,
+) -> None:
+    """Evolve into a folder. overrides, facts: as of `RunFolder`. report: as of a `Job`.
+
+    is_many: whether it is one of many: then it shows no progress, and goes on where it was stopped in this folder.
+    """
+    config, after = prepared.config, None
+    if is_many and Run(path).is_whole:
+        return
+    run = begin(path, "evolve", config, overrides, {"seed": config.seed, **facts}, goes_on=is_many)
+    if is_many and (path / CHECKPOINT).is_file():
+        after = Checkpoint.read(path, prepared.search, _digest(path, config))
+    evolve_after(run, prepared, after, threads=threads, quiet=is_many, report=report)
+
+
+def evolve_after(
     run: RunFolder,
     prepared: PreparedEvolution,
     after: Checkpoint | None,
@@ -336,10 +354,8 @@ def resume(arguments: list[str], report: Report = unreported) -> Path:
     values = settings(path / CONFIG)  # the checkpoint knows whether it fits
     schema = schema_of("evolve", values)
     before = from_values(values, schema, str(path / CONFIG))
-    own, own_before = own_files(values), facts.get("own_code", {})
-    for file, now in own.items():
-        if str(file) not in own_before or now.copy != own_before[str(file)]["copy"]:
-            raise ConfigError(f"{file}, or a file that it imports, has changed; a copy is in {path / OWN_CODE}")
+    own = own_files(values)
+    check_own(path, own, facts)
     changeable = _changeable(before)
     for key, value in values_of(changes).items():
         if key not in changeable:
@@ -365,7 +381,7 @@ def resume(arguments: list[str], report: Report = unreported) -> Path:
         say("The program has changed since this evolution began; it may end otherwise than one that never stopped.")
     folder = RunFolder.resume(path, "evolve", dump(config), arguments, {"generations": done}, own)
     say(f"Resuming after {done} of {generations} generations.")
-    evolve_into(folder, prepared, after, threads=thread_count(config.threads), report=report)
+    evolve_after(folder, prepared, after, threads=thread_count(config.threads), report=report)
     return path
 
 

@@ -4,18 +4,22 @@ import functools
 import os
 import platform
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import chdir, contextmanager, nullcontext, suppress
 from datetime import datetime
 from pathlib import Path
 from secrets import token_hex
 from typing import Any, NamedTuple
+from unittest.mock import patch
 
 import hydra
 from hydra.core.hydra_config import HydraConfig
+from hydra.core.plugins import Plugins
 from hydra.errors import HydraException
+from hydra.plugins.launcher import Launcher
 from hydra.types import RunMode
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config import (
@@ -27,6 +31,7 @@ from epuckhebb.config import (
     explain,
     from_values,
     quoted,
+    settings,
     swept_values,
     typed,
     value_of,
@@ -36,8 +41,17 @@ from epuckhebb.config.catalogue import SEARCH_PATH, USERS, VERSION_BASE, catalog
 from epuckhebb.config.compose import composed_with_hydra
 from epuckhebb.config.resolve import resolve
 from epuckhebb.config.source import folders_of
-from epuckhebb.runtime import ConfigError, JobFailedError, data_folder, exit_with_parent, refusing, say, thread_count
-from epuckhebb.store import STATUS, check_folder_of_multirun, of_multirun
+from epuckhebb.runs.jobs import Jobs, LauncherError, Task, names_of_overrides
+from epuckhebb.runtime import (
+    ConfigError,
+    JobFailedError,
+    data_folder,
+    exit_with_parent,
+    is_interruption,
+    refusing,
+    thread_count,
+)
+from epuckhebb.store import MULTIRUN, PROVENANCE, Run, check_folder_of_multirun, locked, write_atomic
 
 _CHECKED_IN_FULL = 20  # a longer list of values is checked at its two ends
 _FULL_ERROR = "HYDRA_FULL_ERROR"  # environment variable
@@ -96,8 +110,9 @@ def check(
     for place, values in enumerate(choices):
         tried = values[1:] if len(values) <= _CHECKED_IN_FULL else values[-1:]
         jobs += [(*first[:place], value, *first[place + 1 :]) for value in tried]
-    for _, settings in configurations(command, [], jobs, config_dir):
-        prepare(from_values(settings, SCHEMAS[command], command))
+    for _, config in configurations(command, [], jobs, config_dir):
+        with chdir(Path.cwd()):  # a part of the user's may go elsewhere
+            prepare(from_values(config, SCHEMAS[command], command))
 
 
 def run(
@@ -106,30 +121,92 @@ def run(
     arguments: list[str],
     config_dir: str | None = None,
     report: Report = unreported,
-) -> list[Path]:
-    """Run a job, or with `--multirun` many, on the configuration that overrides and Hydra's own options describe.
+) -> Path | None:
+    """Run a job on the configuration that overrides and Hydra's own options describe; returns the folder of its run.
 
-    Returns the folders of the runs, in the order of the jobs. command, arguments: as of `for_hydra`. config_dir: a
+    None where these options only show something.
+
+    command, arguments: as of `for_hydra`. config_dir: a
     folder with more configuration files. report: of a `Job` that is run alone.
     """
     if not any(argument.startswith("-") for argument in arguments):
-        return [_run_one(command, job, arguments, config_dir, report)]
-    task = functools.partial(_job_of_hydra, command, job)
-    if "--multirun" not in arguments:
-        call(command, task, arguments, config_dir)
-        return []
+        return _run_one(command, job, arguments, config_dir, report)
+    call(command, functools.partial(_job_of_hydra, command, job), arguments, config_dir)
+    return None
+
+
+def run_many(
+    command: str,
+    job: Callable[[Job], None],
+    arguments: list[str],
+    config_dir: str | None,
+    check_same: Callable[[Path, Any], None],
+) -> tuple[Path, Jobs]:
+    """Run the jobs of a multirun that are not done in its folder; returns the folder, and how the jobs are.
+
+    command, arguments, config_dir: as of `run`. check_same: refuses a folder that holds a run with other settings.
+    """
     if useless := [argument for argument in arguments if argument.startswith(RUN_DIR)]:
         raise ConfigError(f"{useless[-1]} does nothing in a multirun; give {SWEEP_DIR}FOLDER")
     named = [argument for argument in arguments if argument.startswith(SWEEP_DIR)]
-    folder = (
-        Path(value_of(named[-1])) if named else Path("runs") / command.partition("_")[0] / f"{new_stamp()}_multirun"
-    )
+    verb, _, _ = command.partition("_")
+    folder = Path(value_of(named[-1])) if named else Path("runs") / verb / f"{new_stamp()}_multirun"
     check_folder_of_multirun(folder)
-    others = [argument for argument in arguments if argument not in named]
-    call(command, task, [f"{SWEEP_DIR}{quoted(str(folder.absolute()))}", *others], config_dir)
-    if not any(folder.rglob(STATUS)):
-        raise JobFailedError(f"no job has left a run in {folder.absolute()}; do all machines of the launcher see it?")
-    return of_multirun(folder)
+    words = [f"{SWEEP_DIR}{quoted(str(folder.absolute()))}", *(word for word in arguments if word not in named)]
+    before = (folder / MULTIRUN).read_bytes() if (folder / MULTIRUN).is_file() else None
+
+    def plan(listed: Sequence[Sequence[str]], subdir: Callable[[int], str]) -> list[Task]:
+        paths = [folder.absolute() / subdir(place) for place in range(len(listed))]
+        if len(set(paths)) < len(paths):
+            raise ConfigError("hydra.sweep.subdir must give each job a folder of its own, as with ${hydra.job.num}")
+        begun = {path: tuple(own) for path, own in zip(paths, listed, strict=True) if Run(path).has(PROVENANCE)}
+        composed = configurations(command, [], begun.values(), config_dir)
+        for path, (_, values) in zip(begun, composed, strict=True):
+            with chdir(Path.cwd()):
+                check_same(path, from_values(values, SCHEMAS[command], command))
+        named = zip(names_of_overrides(listed), listed, paths, strict=True)
+        return [Task(name=name, overrides=own, path=path, result=path) for name, own, path in named]
+
+    jobs = Jobs(plan)
+    try:
+        with locked(folder):
+            call(command, functools.partial(_job_of_hydra, command, job), [*words, "--multirun"], config_dir, jobs)
+    except ConfigError:
+        if before is None:
+            _remove_empty(folder)
+        else:
+            write_atomic(folder / MULTIRUN, before)
+        raise
+    return folder, jobs
+
+
+def _remove_empty(path: Path) -> None:
+    """Remove a folder, and those above it that are left empty, below the working folder."""
+    with suppress(OSError):  # something is in it
+        for folder in (path.absolute(), *path.absolute().parents):
+            if Path.cwd() not in folder.parents:
+                break
+            folder.rmdir()
+
+
+class Call(NamedTuple):
+    """What a multirun was called with: its overrides, and the user's folder of configurations."""
+
+    words: list[str]
+    config_dir: str | None
+
+
+def call_of_multirun(folder: Path, changes: Sequence[str]) -> Call:
+    """The call that made the folder of a multirun of evolutions. changes: overrides that replace some of its own."""
+    values = settings(folder / MULTIRUN)["hydra"]
+    if not str(values["job"]["config_name"]).startswith("evolve"):
+        raise ConfigError(f"{folder} is a multirun of `epuckhebb evaluate`; only evolutions can be resumed")
+    sources = values["runtime"]["config_sources"]
+    config_dir = next((source["path"] for source in sources if source["provider"] == USERS and source["path"]), None)
+    its = (*values["overrides"]["task"], *values["overrides"]["hydra"])
+    changed = {"hydra.mode", SWEEP_DIR.rstrip("="), *(word.partition("=")[0] for word in changes)}
+    kept = [word for word in its if word.partition("=")[0] not in changed]
+    return Call([*kept, *changes, f"{SWEEP_DIR}{quoted(str(folder))}"], config_dir)
 
 
 def _run_one(
@@ -148,7 +225,8 @@ def _run_one(
     del cfg.hydra
     own = [word for word in overrides if not word.lstrip("+~").startswith(("hydra.", "hydra/"))]
     facts, threads = _facts(command, own, config_dir), thread_count(config.threads)
-    job(Job(path, config, own, facts, threads, in_multirun=False, report=report))
+    with chdir(Path.cwd()):
+        job(Job(path.absolute(), config, own, facts, threads, in_multirun=False, report=report))
     return path
 
 
@@ -170,56 +248,112 @@ def _job_of_hydra(command: str, job: Callable[[Job], None], cfg: DictConfig) -> 
         resolve(command, cfg, choices_of(runtime), overrides, folders_of(runtime))
         config: Any = typed(cfg, SCHEMAS[command])
         facts, is_many = _facts(command, overrides, folder), HydraConfig.get().mode == RunMode.MULTIRUN
-        if is_many:
-            say(f"job {HydraConfig.get().job.num}: {' '.join(overrides)}")
         job(Job(path, config, overrides, facts, threads_of_job(config.threads), is_many))
     except ConfigError:
-        with suppress(OSError):  # something is in it
-            for folder in (path, *path.parents):
-                if Path.cwd() not in folder.parents:
-                    break
-                folder.rmdir()
+        _remove_empty(path)
         raise
 
 
-class LauncherError(JobFailedError):
-    """A launcher stopped; which of its jobs go on is not known."""
-
-
-def _do(task: Callable[[Any], None], errors: list[Exception], parent: int, folder: Path, cfg: Any) -> None:
+def _do(task: Callable[[Any], None], errors: list[Exception], parent: int, folder: Path, cfg: Any) -> Exception | None:
     """Do a job in the folder of the call, to which its files are relative; a worker may have begun in another one.
 
-    Its error goes into a list if that is in this process: Hydra would print a line about it.
+    Its error is returned, and put into a list, which is the caller's in its process: Hydra would print a line about it.
     """
     try:
         if os.getpid() != parent:
             with refusing(lambda _: f"{folder}, where this was called, is not on {platform.node()}", OSError):
                 os.chdir(folder)
-        task(cfg)
+        with chdir(Path.cwd()):
+            task(cfg)
     except (ConfigError, JobFailedError) as error:
-        if os.getpid() != parent:
-            raise
-        errors.append(error)
+        failure: Exception = error
+    except Exception as error:
+        if is_interruption(error):
+            raise KeyboardInterrupt from error
+        failure = JobFailedError(f"{type(error).__name__}: {error}")
+    else:
+        return None
+    errors.append(failure)
+    return failure
 
 
-def call(command: str, task: Callable[[Any], None], arguments: list[str], config_dir: str | None = None) -> None:
-    """Call Hydra as its own command line would; see `run`. task: is given each configuration that Hydra composed."""
+def call(
+    command: str,
+    task: Callable[[Any], None],
+    arguments: list[str],
+    config_dir: str | None = None,
+    jobs: Jobs | None = None,
+) -> None:
+    """Call Hydra as its own command line would; see `run`.
+
+    task: is given each configuration that Hydra composed. jobs: those of a multirun, which says which are launched.
+    """
     errors: list[Exception] = []
     entry = hydra.main(config_path=str(data_folder("conf")), config_name=command, version_base=VERSION_BASE)(
         functools.partial(_do, task, errors, os.getpid(), Path.cwd())
     )
-    workers = joblib_workers() if "--multirun" in arguments else nullcontext()
-    with catalogue(command, config_dir), _as_command_line(command, arguments), workers:
+    many = nullcontext() if jobs is None else _launching(jobs)
+    with catalogue(command, config_dir), _as_command_line(command, arguments), many:
         try:
             entry()
-        except (ConfigError, JobFailedError):
+        except (HydraException, OmegaConfBaseException) as error:
+            raise ConfigError(explain(error)) from error
+    if errors and jobs is None:
+        raise errors[0]
+
+
+class _Chosen(Launcher):
+    """Gives a launcher those of the jobs that a sweeper lists that are to do."""
+
+    def __init__(self, launcher: Any, jobs: Jobs, hydra_context: Any, config: Any) -> None:
+        self._launcher, self._jobs, self._loader, self._config = launcher, jobs, hydra_context.config_loader, config
+
+    def setup(self, **_: Any) -> None:
+        """Nothing: the launcher is ready."""
+
+    def launch(self, job_overrides: Sequence[Sequence[str]], initial_job_idx: int) -> Sequence[Any]:
+        """Launch the jobs that are to do. No sweeper here asks for what they return."""
+        self._jobs.launch(
+            self._do, job_overrides, lambda place: self._subdir(job_overrides[place], initial_job_idx + place)
+        )
+        return []
+
+    def _subdir(self, overrides: Sequence[str], number: int) -> str:
+        """The folder of a job in that of the multirun, as the settings say."""
+        if _unresolved(self._config.hydra.sweep)["subdir"] == "${hydra.job.num}":
+            return str(number)
+        config = self._loader.load_sweep_config(self._config, list(overrides))
+        with open_dict(config):
+            config.hydra.job.id = config.hydra.job.num = number
+        HydraConfig.instance().set_config(config)
+        return str(config.hydra.sweep.subdir)
+
+    def _do(self, tasks: Sequence[Task]) -> list[Exception | None]:
+        """Launch some; returns the error of each."""
+        folder = self._config.hydra.sweep.dir
+        words = [
+            [*task.overrides, f"hydra.sweep.subdir={quoted(os.path.relpath(task.path, folder))}"] for task in tasks
+        ]
+        try:
+            return [done.return_value for done in self._launcher.launch(words, initial_job_idx=0)]
+        except (BrokenProcessPool, HydraException, OmegaConfBaseException):
             raise
         except Exception as error:
-            if "--multirun" not in arguments or isinstance(error, HydraException | OmegaConfBaseException):
-                raise ConfigError(explain(error)) from error
+            if is_interruption(error):
+                raise KeyboardInterrupt from error
             raise LauncherError(f"the launcher stopped: {type(error).__name__}: {error}") from error
-    if errors:
-        raise errors[0]
+
+
+@contextmanager
+def _launching(jobs: Jobs) -> Iterator[None]:
+    """Let Hydra's sweeper have a launcher that gets the jobs that are to do, and joblib workers that begin here."""
+    instantiate = Plugins.instantiate_launcher
+
+    def chosen(self: Plugins, **how: Any) -> Launcher:
+        return _Chosen(instantiate(self, **how), jobs, how["hydra_context"], how["config"])
+
+    with joblib_workers(), patch.object(Plugins, "instantiate_launcher", chosen):
+        yield
 
 
 @contextmanager

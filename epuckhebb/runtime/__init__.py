@@ -17,6 +17,7 @@ from epuckhebb.runtime.errors import (
     interrupted,
     interruptible,
     is_interruption,
+    is_of_handler,
     open_folders,
     refusing,
 )

@@ -6,6 +6,7 @@ import signal
 import sys
 import threading
 import time
+import traceback
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -87,6 +88,12 @@ def interruptible() -> Iterator[None]:
 def is_interruption(error: BaseException) -> bool:
     """Whether an error comes of a signal that asked this program to end."""
     return isinstance(error, KeyboardInterrupt) or (_asked.is_set() and isinstance(error, Exception))
+
+
+def is_of_handler(error: BaseException) -> bool:
+    """Whether an error was raised by the handler of a signal, as that with which SLURM's jobs are put back in line."""
+    handlers = {getattr(signal.getsignal(number), "__code__", None) for number in signal.valid_signals()}
+    return any(frame.f_code in handlers for frame, _ in traceback.walk_tb(error.__traceback__))
 
 
 def end_on_signals() -> None:

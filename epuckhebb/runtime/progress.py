@@ -3,8 +3,10 @@
 import os
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
+from datetime import timedelta
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -53,20 +55,36 @@ def bar(what: str, total: int, done: int = 0, *, quiet: bool = False) -> "tqdm[A
 
 
 @contextmanager
-def counting(total: int, count: Callable[[], tuple[int, int]]) -> Iterator[None]:
-    """Show how many of so many jobs are done, whatever launcher runs them; a thread counts done and failed ones."""
-    ended = threading.Event()
+def counting(total: int, ends: Callable[[], Iterator[tuple[str, str]]]) -> Iterator[None]:
+    """Show how many of so many jobs have ended, and the time left, whatever launcher does them; a thread looks.
+
+    Where a bar cannot move, each job that ends has a line. ends: gives the names and states of those that have ended
+    since it was called last.
+    """
+    ended, began, is_terminal = threading.Event(), time.monotonic(), sys.stderr.isatty()
+    count, others = 0, dict[str, int]()
 
     def watch() -> None:
         while not ended.wait(_EVERY_S):
             look()
 
-    with bar("job", total) as shown:
+    with bar("job", total, quiet=not is_terminal) as shown:
 
         def look() -> None:
-            done, failed = count()
-            shown.set_postfix_str(f"{failed} failed" if failed else "", refresh=False)
-            shown.update(done + failed - shown.n)
+            nonlocal count
+            for name, state in ends():
+                count += 1
+                if state != "done":
+                    others[state] = others.get(state, 0) + 1
+                seconds = (time.monotonic() - began) / count * (total - count)
+                if is_terminal:
+                    shown.set_postfix_str(
+                        ", ".join(f"{number} {word}" for word, number in others.items()), refresh=False
+                    )
+                    shown.update()
+                else:
+                    left = f"; {timedelta(seconds=round(seconds))} left" if count < total else ""
+                    say(f"job {count} of {total} {state}: {name}{left}")
 
         watcher = threading.Thread(target=watch, daemon=True)
         watcher.start()

@@ -6,10 +6,21 @@ What cannot be read, written or used raises `ConfigError`, and its message names
 """
 
 from epuckhebb.store.checkpoint import Checkpoint
-from epuckhebb.store.disk import CHAMPION, CHECKPOINT, CONFIG, SCHEMA, STATUS, as_json, as_npz, write_atomic
+from epuckhebb.store.disk import (
+    CHAMPION,
+    CHECKPOINT,
+    CONFIG,
+    MULTIRUN,
+    PROVENANCE,
+    SCHEMA,
+    STATUS,
+    as_json,
+    as_npz,
+    write_atomic,
+)
 from epuckhebb.store.folder import UNFINISHED, Content, RunFolder, as_bytes, check_folder_of_multirun, set_aside
 from epuckhebb.store.genome import Genome, champion_file, checked_genes, load_genome
-from epuckhebb.store.lock import is_locked
+from epuckhebb.store.lock import is_locked, locked
 from epuckhebb.store.provenance import SCIENCE, digest, fingerprint, versions
 from epuckhebb.store.run import Run, below_runs, of_multirun, resolve_run
 from epuckhebb.store.traces import read_traces, traces_arrays

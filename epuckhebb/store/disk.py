@@ -16,7 +16,7 @@ from epuckhebb.runtime import refusing
 
 CHAMPION, CHECKPOINT, TRACES = "champion.npz", "checkpoint.npz", "traces.npz"
 SCHEMA = 2  # of provenance.json and status.json
-STATUS, PROVENANCE = "status.json", "provenance.json"
+STATUS, PROVENANCE, MULTIRUN = "status.json", "provenance.json", "multirun.yaml"
 _NUMPY = (b"\x93NUMPY", b"PK")  # how a .npy and a .npz file begin
 OVERRIDES, CONFIG = ".hydra/overrides.yaml", ".hydra/config.yaml"
 

@@ -14,10 +14,10 @@ import yaml
 from filelock import BaseFileLock
 
 from epuckhebb.analysis.tables import Rows
-from epuckhebb.runtime import ConfigError, JobFailedError, is_interruption, open_folders, say
+from epuckhebb.runtime import ConfigError, JobFailedError, is_interruption, is_of_handler, open_folders, say
 from epuckhebb.store import disk
-from epuckhebb.store.disk import CONFIG, OVERRIDES, PROVENANCE, SCHEMA, STATUS, as_json
-from epuckhebb.store.lock import LOCK, claim, is_locked, lock, release
+from epuckhebb.store.disk import CONFIG, MULTIRUN, OVERRIDES, PROVENANCE, SCHEMA, STATUS, as_json
+from epuckhebb.store.lock import LOCK, PATIENCE_S, claim, is_locked, lock, release
 from epuckhebb.store.provenance import provenance
 from epuckhebb.store.rows import as_csv
 from epuckhebb.store.run import Run, of_multirun
@@ -31,7 +31,6 @@ Own = Mapping[Path, "OwnFile"] | None  # the user's own Python, by path
 Content = Union[bytes, str, Rows, "pd.DataFrame"]  # of a file; rows and tables become CSV
 UNFINISHED = "unfinished"  # folder of a study, with a folder for each attempt at a run
 SET_ASIDE = "set_aside"  # folder of a study for what was in the way, or holds a user's files
-_PATIENCE_S = 1.0  # how long another process may lock a folder just to look whether it is locked
 
 
 class RunFolder:
@@ -46,7 +45,8 @@ class RunFolder:
 
     def __init__(self, path: Path, held: BaseFileLock | None, facts: dict[str, Any]) -> None:
         """Own what `new` or `resume` has claimed; `facts` is the provenance of this call."""
-        self.path, self.command_line, self.failure = path, list(facts["command_line"]), ""
+        self.path = path.absolute()  # a part of the user's may go elsewhere
+        self.command_line, self.failure = list(facts["command_line"]), ""
         self.left_behind: Callable[[], str] = lambda: ""
         self._lock, self._started = held, _now()
         self._written: dict[str, str] = {}  # name -> SHA-256 of the files written
@@ -77,7 +77,7 @@ class RunFolder:
             claim(path)
             try:
                 with suppress(BlockingIOError):  # the claim is what counts
-                    run._lock = lock(path, _PATIENCE_S)
+                    run._lock = lock(path, PATIENCE_S)
                 run._begin(content, config, arguments, own)
             except OSError:
                 for name in (STATUS, *run._written):
@@ -95,28 +95,31 @@ class RunFolder:
         arguments: list[str],
         facts: dict[str, Any],
         own: Own = None,
+        *,
+        overrides: list[str] | None = None,
     ) -> "RunFolder":
         """Resume the work in a folder, or begin it there; one process at a time.
 
         What killed processes have left half done is removed. If the work was begun before, `provenance.json` keeps its
-        content and gets an entry with these facts. The arguments are those of `new`, with `config` None where each
-        job has its own.
+        content and gets an entry with those of the facts that are others now. The arguments are those of `new`, with
+        `config` None where each job has its own. overrides: to be kept in a file, if any.
         """
         content, before = provenance(command, arguments) | _own_code(own) | facts, Run(path)
         run = cls(path, None, content)
         with _one_message(path):
             path.mkdir(parents=True, exist_ok=True)
             _refuse_foreign(path, command)
-            run._lock = lock(path, _PATIENCE_S)
+            run._lock = lock(path, PATIENCE_S)
             with suppress(ConfigError):  # nothing can be read where nothing has begun
                 earlier, status = before.provenance, before.status
                 run._started = status.get("started", run._started)
                 run._earlier = dict(status.get("sha256", {}))
-                again = {"started": _now(), "command_line": content["command_line"], **facts, "code": content["code"]}
+                others = {key: fact for key, fact in facts.items() if earlier.get(key) != fact}
+                again = {"started": _now(), "command_line": content["command_line"], **others, "code": content["code"]}
                 content = {**earlier, "resumed": [*earlier.get("resumed", []), again]}
             try:
                 _remove_half_done(path)
-                run._begin(content, config, None, own)
+                run._begin(content, config, overrides, own)
             except OSError:
                 release(run._lock)
                 raise
@@ -160,6 +163,8 @@ class RunFolder:
                     raise JobFailedError(f"{self.path / STATUS} cannot be written: {full.strerror}") from full
             elif is_interruption(error):
                 raise KeyboardInterrupt(self._interrupted()) from None
+            elif isinstance(error, SystemExit) and is_of_handler(error):
+                self._interrupted()  # the launcher has asked for it, and must hear of it
             elif isinstance(error, Exception | SystemExit):  # a user's own part may even leave Python
                 with suppress(OSError):  # on a full disk the error itself matters
                     text = "".join(traceback.format_exception(error))
@@ -232,7 +237,7 @@ def _one_message(path: Path) -> Iterator[None]:
 
 def _refuse_foreign(path: Path, command: str | None = None) -> None:
     """Refuse a folder with files that are not of this program, or not of a command, if one is given."""
-    begun = (STATUS, PROVENANCE, LOCK, ".hydra", "multirun.yaml")  # the first files in a folder of this program
+    begun = (STATUS, PROVENANCE, LOCK, ".hydra", MULTIRUN)  # the first files in a folder of this program
     foreign = [file.name for file in path.iterdir() if file.name not in begun and file.suffix != ".tmp"]
     with suppress(ConfigError):
         if foreign and Run(path).provenance["command"] == command:

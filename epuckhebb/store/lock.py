@@ -5,15 +5,17 @@ evolution, or a study, belongs to the process that has locked its folder.
 """
 
 import errno
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from filelock import BaseFileLock, FileLock, Timeout
 
-from epuckhebb.runtime import ConfigError
+from epuckhebb.runtime import ConfigError, refusing
 from epuckhebb.store.disk import STATUS
 
 LOCK = ".epuckhebb.lock"  # exists while a process is at work in the folder, and after one that was killed
+PATIENCE_S = 1.0  # how long another process may lock a folder just to look whether it is locked
 
 
 def claim(folder: Path) -> None:
@@ -49,6 +51,18 @@ def release(file_lock: BaseFileLock | None) -> None:
         with suppress(OSError):  # Windows removes it itself, once no process has it open
             Path(file_lock.lock_file).unlink()  # first: a process that has just opened it sees that it is gone
         file_lock.release()
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Keep other calls out of a folder, which is made."""
+    with refusing(lambda _: f"another process is working on {folder}; wait for it or stop it", BlockingIOError):
+        folder.mkdir(parents=True, exist_ok=True)
+        held = lock(folder, PATIENCE_S)
+    try:
+        yield
+    finally:
+        release(held)
 
 
 def is_locked(folder: Path) -> bool:

@@ -32,7 +32,6 @@ from epuckhebb.runs import (
     earlier_champions,
     evolve_into,
     hydra,
-    new_evolution,
     prepare_evaluation,
     prepare_evolution,
 )
@@ -74,8 +73,8 @@ class ChampionStudy(Study):
         config = from_values(values, EvolveConfig, f"job {path}")
         prepared = prepare_evolution(config)
         prepared.compile()
-        run = new_evolution(path, config, job["overrides"], facts)
-        evolve_into(run, prepared, None, threads=hydra.threads_of_job(config.threads), quiet=True)
+        threads = hydra.threads_of_job(config.threads)
+        evolve_into(path, prepared, job["overrides"], facts, threads=threads, is_many=True)
 
 
 def job_of(overrides: list[str], config: Plain, *, champion: str = "", purpose: str = "", **more: Any) -> Job:
@@ -120,8 +119,8 @@ def _test(path: Path, config: EvaluateConfig, job: Plain, overrides: list[str], 
     prepared = replace(prepared, genome=replace(genome, name=job.get("name", genome.name)))
     compile_for(config.controllers, genome.network, config.world)
     facts = {"seed": config.seed, "genome": genome.name, "genome_sha256": genome.sha256, **facts}
-    own = own_files(config.values)
-    with RunFolder.new(path, facts["command_line"][1], dump(config), overrides, facts, own) as run:
+    command, text, own = facts["command_line"][1], dump(config), own_files(config.values)
+    with RunFolder.resume(path, command, text, overrides, facts, own, overrides=overrides) as run:
 
         def tested(genes: NDArray[np.float64]) -> pd.DataFrame:
             rows: Rows = []

@@ -16,12 +16,12 @@ from typing import Any
 
 from epuckhebb.config import RUN_DIR, SWEEP_DIR, Plain, quoted
 from epuckhebb.runs import hydra
-from epuckhebb.runtime import ConfigError, JobFailedError, counting
-from epuckhebb.store import SCHEMA, UNFINISHED, Run, RunFolder, as_json, is_locked, set_aside, write_atomic
+from epuckhebb.runs.jobs import Jobs, Task, names_of_overrides
+from epuckhebb.runtime import ConfigError
+from epuckhebb.store import SCHEMA, UNFINISHED, Run, RunFolder, as_json, set_aside, write_atomic
 
 NO_EFFECT = ("threads", "figures")  # keys on which no result depends
 LIST, JOBS = "sweep.json", "jobs"
-AT_ONCE = 1000  # jobs that a launcher gets at a time: as many as SLURM takes in one array (its MaxArraySize is 1001)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,58 +83,39 @@ def launch(study: RunFolder, name: str, jobs: Sequence[Job], launcher: list[str]
     study: its folder. name: of the study, which every job is given. launcher: the overrides that set it up. do: a
     function at the top of a module that does one of them.
     """
-    folder = study.path
+    folder, stamp = study.path, hydra.new_stamp()
     missing = todo(folder, jobs)
     for job in missing:
         if os.path.lexists(folder / job.run):  # a run gets there whole, so it was changed since
             set_aside(folder / job.run, folder, "is not a finished run, or was changed since")
     facts = {"name": name, "command_line": study.command_line}
     study.write(LIST, as_json({"schema": SCHEMA, **facts, "jobs": [job.run for job in jobs]}))
-    attempts: dict[str, Path] = {}
-    trouble = ""
+    for job in missing:  # the next call would write them anew, so they need not last; there may be ten thousand
+        content = json.dumps({"overrides": job.overrides, "config": job.config}).encode()
+        write_atomic(folder / JOBS / f"{job.run}.json", content, lasting=False)
+
+    def plan(listed: Sequence[Sequence[str]], _subdir: Callable[[int], str]) -> list[Task]:
+        names = names_of_overrides([job.overrides for job in missing])
+        return [
+            Task(
+                name=job.purpose or words or job.run,
+                overrides=own,
+                path=folder / UNFINISHED / f"{stamp}_{place}",
+                result=folder / job.run,
+            )
+            for place, (job, words, own) in enumerate(zip(missing, names, listed, strict=True))
+        ]
+
+    tasks = Jobs(plan, says_counts=False)  # only what is missing
     if missing:
-        for job in missing:  # the next call would write them anew, so they need not last; there may be ten thousand
-            content = json.dumps({"overrides": job.overrides, "config": job.config}).encode()
-            write_atomic(folder / JOBS / f"{job.run}.json", content, lasting=False)
-        with counting(len(missing), lambda: count(folder, missing, list(attempts.values()))):
-            for first in range(0, len(missing), AT_ONCE):
-                some, stamp = missing[first : first + AT_ONCE], hydra.new_stamp()
-                attempts |= {job.run: folder / UNFINISHED / f"{stamp}_{place}" for place, job in enumerate(some)}
-                arguments = [
-                    f"job={','.join(job.run for job in some)}",
-                    *launcher,
-                    f"{SWEEP_DIR}{quoted(str(folder.absolute()))}",  # a worker may have been started elsewhere
-                    f'hydra.sweep.subdir="{UNFINISHED}/{stamp}_${{hydra.job.num}}"',
-                    "--multirun",
-                ]
-                try:
-                    hydra.call("study", do, arguments)
-                except hydra.LauncherError as error:
-                    trouble = f"; {error}"
-                except (ConfigError, JobFailedError) as error:
-                    if isinstance(error, ConfigError) and not any(path.exists() for path in attempts.values()):
-                        raise  # nothing has begun
-    remaining = {job.run for job in todo(folder, jobs)}
-    failures = [(job, _reason(attempts[job.run], trouble)) for job in missing if job.run in remaining]
+        place = f"{SWEEP_DIR}{quoted(str(folder.absolute()))}"  # a worker may have been started elsewhere
+        hydra.call(
+            "study", do, [f"job={','.join(job.run for job in missing)}", *launcher, place, "--multirun"], jobs=tasks
+        )
+    reasons = {task.result.name: reason for task, reason in tasks.failures}
     with suppress(OSError):
         (folder / UNFINISHED).rmdir()  # unless something is left in it
-    done = [job for job in jobs if job.run not in remaining]
-    return Outcome(done=done, before=len(jobs) - len(missing), failures=failures)
-
-
-def _reason(attempt: Path, trouble: str) -> str:
-    """Why a job has no run. attempt: the folder in which it works. trouble: of the launcher, if it stopped."""
-    status = Run(attempt).recorded_status
-    if "error" in status:
-        return str(status["error"])
-    if status.get("state") == "running":
-        return f"{'it may be at work' if trouble or is_locked(attempt) else 'it ended unexpectedly'}{trouble}"
-    return f"it has not begun{trouble}"
-
-
-def count(folder: Path, jobs: Sequence[Job], attempts: Sequence[Path]) -> tuple[int, int]:
-    """How many of the jobs have their run folder, and how many of the attempts have failed."""
-    done = len({job.run for job in jobs} & {path.name for path in folder.iterdir()})
-    unfinished = folder / UNFINISHED
-    there = {path.name for path in unfinished.iterdir()} if unfinished.is_dir() else set()
-    return done, sum(Run(path).recorded_status.get("state") == "failed" for path in attempts if path.name in there)
+    failures = [(job, reasons[job.run]) for job in missing if job.run in reasons]
+    return Outcome(
+        done=[job for job in jobs if job.run not in reasons], before=len(jobs) - len(missing), failures=failures
+    )

@@ -3,6 +3,8 @@
 import copy
 import importlib
 import inspect
+import json
+import re
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -29,7 +31,8 @@ from epuckhebb.config import (
     values_of,
 )
 from epuckhebb.runs import hydra
-from epuckhebb.runtime import ConfigError, JobFailedError, path_of, say
+from epuckhebb.runs.jobs import failure_text
+from epuckhebb.runtime import ConfigError, JobFailedError, path_of, refusing, say
 from epuckhebb.store import STATUS, Run, RunFolder, as_json, digest, fingerprint, write_atomic
 from epuckhebb.studies.jobs import (
     JOBS,
@@ -114,9 +117,13 @@ class Study(Checked):
 
     def stages(self) -> list[tuple[str, list[Job]]]:
         """What is done, one after the other, each with its jobs."""
+        with refusing(lambda error: f"{self.label}: the plan must be mappings of JSON values: {error}", TypeError):
+            plan = json.loads(json.dumps(list(self.plan())))
+        if not plan:
+            raise ConfigError(f"{self.label}: the plan has no job")
         jobs = [
             Job(number=number, overrides=typed_as(job), run=self.name_of(job), config=job)
-            for number, job in enumerate(self.plan())
+            for number, job in enumerate(plan)
         ]
         return [("run", jobs)]
 
@@ -131,9 +138,10 @@ class Study(Checked):
         config = job["config"]
         own = own_files({"study": cls.reference, **config})
         text = yaml.safe_dump(config, sort_keys=False)
-        with RunFolder.new(path, cls.command, text, job["overrides"], facts, own) as run:
+        words = job["overrides"]
+        with RunFolder.resume(path, cls.command, text, words, facts, own, overrides=words) as run:
             for name, table in cls.do(config).items():
-                run.write(f"{name}.csv", table)
+                run.write(f"{_checked(name)}.csv", table)
 
     def folder(self, jobs: Sequence[Job]) -> Path:
         """The folder of the study unless the user names one, by all that it depends on."""
@@ -152,12 +160,12 @@ class Study(Checked):
     def report(self, folder: RunFolder, planned: "Planned", outcome: Outcome) -> None:  # noqa: ARG002  # others need it
         """Write the tables, the figures and the page over all runs."""
         for name, table in self.tables([Run(folder.path / job.run) for job in planned.jobs]).items():
-            folder.write(f"{name}.csv", table)
+            folder.write(f"{_checked(name)}.csv", table)
         from epuckhebb.analysis import report
         from epuckhebb.analysis.image import image, small  # matplotlib takes a while to load
 
         run = Run(folder.path)
-        figures = {f"{name}.png": figure for name, figure in self.figures(run).items()}
+        figures = {f"{_checked(name)}.png": figure for name, figure in self.figures(run).items()}
         captions = {name: str(figure.get_label()) or name for name, figure in figures.items()}
         pictures = {name: small(image(figure)) for name, figure in figures.items()}
         for name, picture in pictures.items():
@@ -185,10 +193,8 @@ class Planned:
 
     def failure(self, outcome: Outcome) -> str:
         """What failed, in short; "" if nothing did."""
-        if not outcome.failures:
-            return ""
-        job, why = outcome.failures[0]
-        return f"{len(outcome.failures)} of {len(self.jobs)} jobs; {job.run}: {why}"
+        names = [(job.run, why) for job, why in outcome.failures]
+        return failure_text(names, len(self.jobs))
 
 
 def prepare(study: Study, of_hydra: Sequence[str], arguments: list[str]) -> Planned:
@@ -299,6 +305,15 @@ def _own_study(reference: str) -> type[Study]:
             raise ConfigError(f"sweep {reference}: the study has no method `{method}`")
     kind.reference = f"{path}:{name}"
     return kind
+
+
+def _checked(name: str) -> str:
+    """The name of a table or a figure, which is the name of a file in the folder and nothing else."""
+    if not re.fullmatch(r"\w[\w.-]*", name):
+        raise ConfigError(
+            f"a table or a figure of a study is called {name!r}; give a name of letters, digits, . - and _"
+        )
+    return name
 
 
 def _cell(value: Any) -> str:

@@ -76,7 +76,7 @@ class Sweep(Study):
     def work(cls, path: Path, job: Plain, facts: dict[str, Any]) -> None:
         """See `Study`."""
         config = from_values(job["config"], schema_of("evaluate", job["config"]), f"job {path}")
-        evaluate_into(path, config, job["overrides"], facts, threads=hydra.threads_of_job(config.threads))
+        evaluate_into(path, config, job["overrides"], facts, threads=hydra.threads_of_job(config.threads), is_many=True)
 
     @classmethod
     def stored(cls, run: Run) -> "Sweep":  # noqa: ARG003  # others need it
@@ -179,11 +179,12 @@ def _without(config: Plain, keys: Sequence[str]) -> Plain:
     return {key: value for key, value in config.items() if key not in keys}
 
 
-def write_summary_of_multirun(folder: Path, runs: Sequence[Path]) -> None:
+def write_summary_of_multirun(folder: Path) -> None:
     """Write the tables and figures over all finished runs of a multirun of `evaluate`, or of `evolve`, into its folder.
 
     What is left out is said.
     """
+    runs = of_multirun(folder)
     for path in runs:
         if reason := Run(path).unfinished:
             say(f"Not counted: {reason}")

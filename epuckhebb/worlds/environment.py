@@ -6,10 +6,12 @@ A lifetime is one episode, or `horizon` steps. All controllers of a repeat have 
 """
 
 import math
+import os
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -188,6 +190,7 @@ class World:
         past = deque[Any](maxlen=1 + max(0, longest))  # kept always: a delay may begin during the lifetime
         rewards, read, turn, do = np.zeros(steps), self.read, self.turn, env.step
         reward, step, has_ended, is_cut = 0.0, -1, False, False
+        folder = Path.cwd()
         try:
             observation, _ = env.reset(seed=seed)
             readings = read(observation)
@@ -215,6 +218,8 @@ class World:
         except BaseException:
             with calling(f"environment {self.name}: {f'step {step}' if step >= 0 else 'reset'} (seed {seed})"):
                 raise
+        finally:
+            os.chdir(folder)  # an environment of the user's may go elsewhere
         return rewards[: step + 1]
 
     def _reward(self, reward: Any) -> float:
