@@ -203,12 +203,22 @@ def test_what_lives_anyway_is_not_compared_twice():
         (["scenario.paper_duration_s=50"], "paper_duration_s=50"),
         (["lifetime=evolve"], "lifetime.duration_s=60, lifetime.gain_rad_s=4"),
         (["task=reversal"], "task=reversal"),
+        (["maze.obstacles.arm_left.x=-0.1", "scenario.layout=3"], ""),  # of obstacles that do not stand
+        (["scenario.obstacles=2", "maze.obstacles.arm_left.x=-0.1"], "obstacles=2, maze.obstacles.arm_left.x=-0.1"),
+        (["physics=ode", "maze.wall_height_m=0.1"], "physics=ode, maze.wall_height_m=0.1"),
     ],
 )
 def test_what_differs_from_the_named_scenario_is_told(words, changed):
     cfg = composed("evaluate", words)
     assert cfg.changed == changed
     assert cfg.scenario.name == (words[0].partition("=")[2] if words and words[0].startswith("scenario=") else "base")
+
+
+@pytest.mark.parametrize("word", ["robot.solid.mass_kg=0.3", "robot.solid.wheel_width_m=0.006", "maze.wall_height_m=0.1"])
+def test_what_the_physics_ignores_is_refused(word):
+    with pytest.raises(ConfigError, match="physics"):
+        composed("evaluate", [word])
+    assert composed("evaluate", ["physics=ode", word]).changed.endswith(word)
 
 
 def test_what_differs_in_training_and_in_the_jobs_of_a_sweep_is_told():

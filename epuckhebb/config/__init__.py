@@ -48,6 +48,7 @@ from epuckhebb.config.schema import (
     EvaluateConfig,
     EvolveConfig,
     Plain,
+    WorldConfig,
     dump,
     from_values,
     register,

@@ -18,6 +18,7 @@ from epuckhebb.config import environments, hand
 from epuckhebb.config.build import scenario_from
 from epuckhebb.config.catalogue import NULL
 from epuckhebb.config.errors import explain
+from epuckhebb.config.overrides import parsed
 from epuckhebb.config.parts import KINDS, NONE, PAPER, PART_GROUPS, part_class, part_from
 from epuckhebb.config.plugins import own_references
 from epuckhebb.config.schema import ScenarioConfig, WorldConfig
@@ -75,6 +76,7 @@ def _resolve(
         if group not in _OF_ANY_NUMBER and choices.get(group, NULL) == NULL:
             raise ConfigError(f"{group} must be one of {', '.join(known)}, got none of them, or several")
     _make_changes(cfg, choices, folders)
+    _check_idle(cfg, overrides)
     world = named_world(command, choices, cfg.change, folders)
     cfg.changed = ", ".join(differences(cfg, choices, world))
     for group in _NAMED:
@@ -112,6 +114,27 @@ def _make_changes(cfg: DictConfig, choices: dict[str, str], folders: Sequence[Pa
         physics = cfg.change[name].get("physics", choices["physics"])
         if choices["physics"] != physics:  # that a sweep trains with
             cfg.physics, choices["physics"] = _physics(physics), physics
+
+
+def _check_idle(cfg: DictConfig, overrides: Sequence[str]) -> None:
+    """Refuse overrides of keys that the physics ignores."""
+    for override in parsed(overrides):
+        key = override.key_or_group
+        if any(f"{key}.".startswith(f"{idle}.") for idle in _ignored(cfg)):
+            raise ConfigError(f"{key} does nothing with physics={cfg.physics.kind}; give physics=ode, or leave it out")
+
+
+def _ignored(cfg: DictConfig) -> tuple[str, ...]:
+    """The keys that the physics ignores."""
+    return tuple(part_class("physics", cfg.physics.get("kind"), "physics").ignores)
+
+
+def _idle(cfg: DictConfig) -> tuple[str, ...]:
+    """Keys of the world that act in no lifetime of a configuration."""
+    scenario = cfg.scenario
+    later = [key for change in scenario.get("changes", ()) if isinstance(change, Mapping) for key in change]
+    may_stand = scenario.obstacles or scenario.get("hand") or "obstacles" in later or "training" in cfg
+    return (*_ignored(cfg), *(() if may_stand else ("maze.obstacles", "scenario.layout")))
 
 
 def _compared(name: str, given: Any, folders: Sequence[Path]) -> tuple[str, Any]:
@@ -260,8 +283,13 @@ def differences(cfg: DictConfig, choices: Mapping[str, str], world: Named) -> It
     if (wiring := mine["network.wiring"]) != LAYERS:
         its |= {f"network.{field.name}": field.default for field in fields(part_class("wiring", wiring, "network"))}
     raw, its_raw = _values(cfg, resolve=False), _values(world.cfg, resolve=False)
+    idle = _idle(cfg)
     for key, value in mine.items():
-        is_same = value == its.get(key, "null") or (key in its_raw and raw.get(key) == its_raw[key])
+        is_same = (
+            any(f"{key}.".startswith(f"{one}.") for one in idle)
+            or value == its.get(key, "null")
+            or (key in its_raw and raw.get(key) == its_raw[key])
+        )
         if is_same or key in (_RECORDING, "scenario.name"):
             continue
         shown = key.removeprefix("scenario.")

@@ -41,10 +41,19 @@ class Range:
 
 
 def within(
-    low: float, high: float = math.inf, *, above: bool = False, below: bool = False, default: Any = MISSING
+    low: float,
+    high: float = math.inf,
+    *,
+    above: bool = False,
+    below: bool = False,
+    usual: float = math.inf,
+    default: Any = MISSING,
 ) -> Any:
-    """A field of a dataclass whose values lie in a range, or are lists of numbers that lie in it."""
-    metadata = {"range": Range(low, high, above, below)}
+    """A field of a dataclass whose values lie in a range, or are lists of numbers that lie in it.
+
+    usual: more than this is allowed, and may be a slip, as of a unit.
+    """
+    metadata = {"range": Range(low, high, above, below), "usual": usual}
     if isinstance(default, list):
         return field(default_factory=default.copy, metadata=metadata)
     return field(default=default, metadata=metadata)
@@ -81,6 +90,17 @@ def _range_of(kind: type, name: str) -> Range | None:
     """The range of a field, of the class that declares one."""
     declared = (getattr(base, "__dataclass_fields__", {}).get(name) for base in kind.__mro__)
     return next((one.metadata["range"] for one in declared if one is not None and "range" in one.metadata), None)
+
+
+def unusual(instance: Any, prefix: str) -> list[str]:
+    """A note for each field of a dataclass whose value is more than is usual. prefix: of its keys."""
+    limits = {one.name: one.metadata["usual"] for one in fields(instance) if "usual" in one.metadata}
+    values = {name: getattr(instance, name) for name in limits}
+    return [
+        f"{prefix}.{name}={value:g} is far more than usual, which is at most {limits[name]:g}: is its unit right?"
+        for name, value in values.items()
+        if isinstance(value, int | float) and value > limits[name]
+    ]
 
 
 def check_value(key: str, value: Any, allowed: Range, default: Any = MISSING) -> None:

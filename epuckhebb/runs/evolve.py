@@ -37,6 +37,7 @@ from epuckhebb.runs import hydra
 from epuckhebb.runs.begin import begin, check_own
 from epuckhebb.runs.evaluate import check_genome, compile_for, draw
 from epuckhebb.runs.hydra import Report, unreported
+from epuckhebb.runs.notes import unusual_values
 from epuckhebb.runtime import ConfigError, bar, path_of, refusing, say, thread_count
 from epuckhebb.store import (
     CHAMPION,
@@ -92,7 +93,7 @@ class PreparedEvolution:
     @property
     def notes(self) -> Sequence[str]:
         """What a reader must know of the world."""
-        return ()
+        return unusual_values(self.config)
 
     @property
     def start_text(self) -> str:

@@ -4,7 +4,8 @@ import csv
 from collections.abc import Sequence
 
 from epuckhebb.analysis import tables
-from epuckhebb.config import EvaluateConfig
+from epuckhebb.config import EvaluateConfig, WorldConfig
+from epuckhebb.controller.ranges import unusual
 from epuckhebb.runtime import REFERENCE, data_folder
 from epuckhebb.store import Genome
 from epuckhebb.tmaze.individual import HEBBIAN
@@ -27,7 +28,13 @@ def notes_of(genome: Genome, config: EvaluateConfig) -> list[str]:
         differ = [f"{name} {trained[name]} (here {value})" for name, value in here.items() if value != trained[name]]
         if differ:
             notes.append(f"This champion was evolved for another world: {', '.join(differ)}.")
-    return [note for note in notes if note]
+    return [*(note for note in notes if note), *unusual_values(config)]
+
+
+def unusual_values(config: WorldConfig) -> list[str]:
+    """Notes on values that are far from those with which anything here was evolved."""
+    parts = {"scenario": config.world, "scenario.lamp": config.world.lamp, "lifetime": config.lifetime}
+    return [note for key, part in {**parts, "hebbian": config.rule}.items() for note in unusual(part, key)]
 
 
 def _showcase(genome: Genome, scenario: str, rate: float) -> str:

@@ -24,7 +24,7 @@ from epuckhebb.tmaze.robot import STEP_S, Robot
 from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.senses import SenseWorkspace
 
-_LONGEST_S = 1e9  # 31 years: more is surely a slip
+LONGEST_S = 1e9  # 31 years: more is surely a slip
 _MOST_SAMPLES = 1_000_000  # of a lifetime; each takes 1.3 kB, mostly weights
 
 TALLY = np.dtype(
@@ -78,10 +78,10 @@ class Lifetime:
     noise, 0 for none, other values scale it. record_every: steps between two recorded samples, 0 to record nothing.
     """
 
-    duration_s: float = within(STEP_S, _LONGEST_S, default=250.0)
+    duration_s: float = within(STEP_S, LONGEST_S, usual=36_000, default=250.0)
     gain_rad_s: float = within(0, above=True, default=1.0)
     noise: float = within(0, default=1.0)
-    record_every: int = within(0, _LONGEST_S / STEP_S, default=0)
+    record_every: int = within(0, LONGEST_S / STEP_S, default=0)
 
     def __post_init__(self) -> None:
         check(self, "lifetime")

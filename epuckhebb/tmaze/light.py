@@ -32,7 +32,7 @@ class Lamp:
     towards_x: float = within(-math.inf, default=-1.0)
     towards_y: float = within(-math.inf, default=0.0)
     beam_rad: float = within(0, math.pi, above=True, default=1.5)
-    intensity: float = within(0, BRIGHTEST, default=2.0)
+    intensity: float = within(0, BRIGHTEST, usual=20, default=2.0)
 
     def __post_init__(self) -> None:
         check(self, "scenario.lamp")

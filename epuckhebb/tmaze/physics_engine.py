@@ -46,13 +46,15 @@ Move = Callable[[Any, float, float, float, float], None]
 class Physics(OwnClass, ABC):
     """A physics with its settings.
 
-    ray_numbers: of each sensor, see `put_rays`. tilts: how many numbers tell its tilt.
+    ray_numbers: of each sensor, see `put_rays`. tilts: how many numbers tell its tilt. ignores: keys of the
+    configuration that describe a world in three dimensions, and act in no lifetime with this physics.
     """
 
     PART: ClassVar[str] = "physics"
     KEY: ClassVar[str] = "physics.kind"
     ray_numbers: ClassVar[int] = 6
     tilts: ClassVar[int] = 0
+    ignores: ClassVar[tuple[str, ...]] = ()
 
     @abstractmethod
     def space(self, walls: Floats, world: Any) -> Space:

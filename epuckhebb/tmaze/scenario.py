@@ -11,7 +11,7 @@ from epuckhebb.controller.ranges import Range, check_value, within
 from epuckhebb.controller.ranges import check as check_ranges
 from epuckhebb.tmaze.changes import AT_ONCE, GROUPED, check_changes, check_kind, check_placed, check_room, step_of
 from epuckhebb.tmaze.faults import LONGEST_DELAY
-from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.life import LONGEST_S, Lifetime
 from epuckhebb.tmaze.light import BRIGHTEST, Lamp
 from epuckhebb.tmaze.maze import T_MAZE, Box, Maze, Place, Pose, Side, boxes, edges, is_reachable
 from epuckhebb.tmaze.own_fitness import PAPER_FITNESS, Fitness
@@ -50,15 +50,15 @@ class Scenario:
 
     name: str = "base"
     experiment: str = "obstacles"
-    light: float = within(0, BRIGHTEST, default=0.1)
+    light: float = within(0, BRIGHTEST, usual=2, default=0.1)
     sun_turn_deg: float = within(-180, 180, default=0.0)
     obstacles: int = 0
     layout: int = within(0, default=0)
     goals: Mapping[Side, Place] | None = None
     dead_sensors: Sequence[int] = ()
-    distance_gain: float = within(0, above=True, default=1.0)
+    distance_gain: float = within(0, above=True, usual=10, default=1.0)
     distance_offset: float = within(-1, 1, above=True, below=True, default=0.0)
-    left_distance_gain: float = within(0, above=True, default=1.0)
+    left_distance_gain: float = within(0, above=True, usual=10, default=1.0)
     crosstalk: float = within(0, 0.5, default=0.0)
     sensor_levels: int = within(2, default=0)
     sensor_delay_steps: int = within(0, LONGEST_DELAY, default=0)
@@ -67,8 +67,8 @@ class Scenario:
     right_wheel: float = within(0, 1, default=1.0)
     left_slip: float = within(0, 1, below=True, default=0.0)
     right_slip: float = within(0, 1, below=True, default=0.0)
-    mass_ratio: float = within(1, default=1.0)  # a lighter robot would move as with 1
-    wall_friction: float = within(0, default=0.0)
+    mass_ratio: float = within(1, usual=10, default=1.0)  # a lighter robot would move as with 1
+    wall_friction: float = within(0, usual=10, default=0.0)
     lamp: Lamp = field(default_factory=Lamp)
     second_lamp: Sequence[float] | None = None
     lamp_on: bool | None = None
@@ -79,7 +79,7 @@ class Scenario:
     changes: Sequence[Mapping[str, Any]] = ()
     hand: Sequence[Mapping[str, Any]] = ()
     paper_N: float = 0.000015
-    paper_duration_s: float = 250.0
+    paper_duration_s: float = within(0, LONGEST_S, above=True, default=250.0)
     maze: Maze = T_MAZE
     robot: Robot = EPUCK
     task: Task = ONE_TRIAL

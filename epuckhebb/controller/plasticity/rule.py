@@ -132,7 +132,7 @@ class Rule(OwnClass):
     coefficients: ClassVar[tuple[str, ...]] = ()
     synapse: ClassVar[Any] = None
 
-    N: float = within(0, default=0.0)
+    N: float = within(0, usual=1, default=0.0)
     N_gain_rad_s: float = within(0, default=0.0)
     floor: float = within(0, default=0.2)
     w_max: float = within(0, _LARGEST_WEIGHT, above=True, default=2.0)

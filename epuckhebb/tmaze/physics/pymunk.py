@@ -17,7 +17,7 @@ a robot that touches two walls at once: pymunk solves their contacts in an order
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import llvmlite.binding
 import numpy as np
@@ -309,6 +309,8 @@ def _is_clear(x: float, y: float, walls: Floats, near: float) -> bool:
 @dataclass(frozen=True, kw_only=True)
 class Pymunk(Physics):
     """Rigid bodies in the plane, which has no settings."""
+
+    ignores: ClassVar[tuple[str, ...]] = ("robot.solid", "maze.wall_height_m")
 
     def space(self, walls: Floats, world: Any) -> PymunkSpace:
         """See `Physics`."""
