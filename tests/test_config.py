@@ -214,7 +214,9 @@ def test_what_differs_from_the_named_scenario_is_told(words, changed):
     assert cfg.scenario.name == (words[0].partition("=")[2] if words and words[0].startswith("scenario=") else "base")
 
 
-@pytest.mark.parametrize("word", ["robot.solid.mass_kg=0.3", "robot.solid.wheel_width_m=0.006", "maze.wall_height_m=0.1"])
+@pytest.mark.parametrize(
+    "word", ["robot.solid.mass_kg=0.3", "robot.solid.wheel_width_m=0.006", "maze.wall_height_m=0.1"]
+)
 def test_what_the_physics_ignores_is_refused(word):
     with pytest.raises(ConfigError, match="physics"):
         composed("evaluate", [word])

@@ -4,6 +4,9 @@ import json
 from concurrent.futures.process import BrokenProcessPool
 
 import pytest
+from cases import refused_before
+from hydra.core.plugins import Plugins
+from hydra.plugins.sweeper import Sweeper
 
 from epuckhebb.runs import jobs as many
 from epuckhebb.runs.jobs import Jobs, LauncherError, Task, failure_text, names_of_overrides
@@ -115,3 +118,25 @@ def test_a_reason_of_many_is_said_once():
     failures = [*((str(number), "lost") for number in range(5)), ("5", "late")]
     assert failure_text(failures, 9).splitlines() == ["6 of 9 jobs", "0, 1, 2 and 2 more: lost", "5: late"]
     assert failure_text([], 9) == ""
+
+
+class OtherSweeper(Sweeper):
+    """A sweeper that chooses what comes next by what jobs return, as those of optuna, nevergrad and ax."""
+
+    __module__ = "hydra_plugins.other"
+
+    def setup(self, **how):
+        Plugins.instance().instantiate_launcher(**how)
+
+    def sweep(self, arguments):
+        return None
+
+
+def test_a_sweeper_that_needs_what_jobs_return_is_refused_before_any(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Plugins.instance().register(OtherSweeper)
+    name = "hydra_plugins.other.OtherSweeper"
+    refused_before(
+        "out", ["evaluate", "-m", "seed=1,2", f"hydra.sweeper._target_={name}", "hydra.sweep.dir=out"], [name[20:]]
+    )
+    assert list(tmp_path.iterdir()) == []

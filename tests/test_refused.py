@@ -38,6 +38,8 @@ FILES = {
     "conf/scenario/number.yaml": "42\n",
     "conf/scenario/dotted.yaml": "lamp.x_m: 0.2\n",
     "conf/experiment/no_package.yaml": "hydra:\n  sweeper:\n    params:\n      hebbian.N: 1e-5,1e-4\n",
+    "conf/experiment/text.yaml": "# @package _global_\nscenario: lowlight\n",
+    "conf/experiment/pattern.yaml": "# @package _global_\nhydra: {sweeper: {params: {scenario: glob(*)}}}\n",
     "conf/experiment/alone.yaml": "# @package _global_\nseed: 3\n",
     "empty/notes.txt": "dear",
 }
@@ -50,8 +52,9 @@ sweep obstacles ++hebbian.carries_history=${{x}} scenario=base | hebbian.carries
 # keys and choices that are none: the near one
 evaluate scenrio=base                                   | scenrio | scenario
 evaluate scenario=5obstacles                            | 5obstacles | 4obstacles
-evaluate scenario=murky                                 | scenario/murky | lowlight
-evaluate hebian.N=0.002                                 | hebian.N
+evaluate scenario=murky                                 | scenario=murky | lowlight
+evaluate hebian.N=0.002                                 | hebian.N | hebbian.N
+evaluate hebbian=ojas                                   | hebbian=ojas | oja
 evaluate +hebian.N=0.9                                  | hebbian
 evaluate +hebbian.trace_decya=1                         | trace_decay
 evaluate N=0.1                                          | key N
@@ -212,7 +215,9 @@ evaluate scenario=from_none --config-dir=conf           | scenario/from_none | 2
 evaluate scenario=too_deep --config-dir=conf            | scenario/too_deep | scenario.scenario
 evaluate scenario=number --config-dir=conf              | scenario=number
 evaluate scenario=dotted --config-dir=conf              | scenario/dotted | lamp: {{x_m: ...}}
-sweep no_package --config-dir=conf                      | experiment/no_package | experiment
+sweep no_package --config-dir=conf                      | experiment/no_package | _global_
+sweep text --config-dir=conf                            | experiment/text | defaults
+sweep pattern --config-dir=conf                         | scenario=glob(*)
 sweep alone --config-dir=conf                           | alone | evaluate
 # files of the user's: rules
 evaluate hebbian.rule=nowhere.py:oja                    | hebbian.rule | nowhere.py
@@ -232,6 +237,14 @@ evaluate -m seed=interval(1,3)                          | seed=interval(1,3) | r
 evaluate seed=interval(1,3)                             | seed=interval(1,3) | range
 sweep light hydra.run.dir=mine                          | hydra.run.dir=mine | hydra.sweep.dir
 evaluate -m scenario=glob(*obst*)                       | scenario=glob(*obst*) | values
+# values that are no numbers, words that are no settings
+evaluate seed=1-5                                       | seed | whole number
+evaluate -m seed=1..5                                   | seed | range
+evaluate hebbian.N=abc                                  | hebbian.N | number
+evaluate scenario = lowlight                            | scenario | spaces
+evaluate --scenario lowlight                            | --scenario | scenario=
+evaluate -m genome=reference_1,nowhere.npy,nobody       | nowhere.npy | nobody
+evaluate -m "seed=${{hydra:job.num}}" repeats=1,2         | seed | hydra
 # launchers and options
 evaluate -m hydra/launcher=ray seed=1,2                 | epuckhebb[ray]
 evaluate experiment=n_sweep                             | epuckhebb sweep n_sweep

@@ -46,7 +46,7 @@ def run_command(
     command: str, job: Callable[..., None], prepare: Callable[..., Any], words: list[str], options: RunOptions
 ) -> None:
     """Let Hydra run a command, and print the results."""
-    from epuckhebb.config import check_words, for_hydra
+    from epuckhebb.config import check_words, dump, for_hydra, load_any
     from epuckhebb.runs import check_same, hydra
 
     multirun, config_dir = options.multirun, options.config_dir
@@ -54,8 +54,10 @@ def run_command(
         raise ConfigError("--cfg shows the configuration of one job: leave out --multirun, and give each key one value")
     name, words = for_hydra(command, words)
     check_words(name, words, several=multirun)
-    if not options.cfg:
-        hydra.check(name, words, config_dir, prepare, multirun=multirun)
+    if options.cfg:
+        print(dump(load_any(name, words, config_dir)), end="")
+        return
+    hydra.check(name, words, config_dir, prepare, multirun=multirun)
     if multirun:
 
         def check(path: Path, config: Any) -> None:
@@ -63,8 +65,7 @@ def run_command(
 
         finish_many(command, *hydra.run_many(name, job, words, config_dir, check), options)
         return
-    shown = ["--cfg", options.cfg] if options.cfg else []
-    if path := hydra.run(name, job, [*words, *shown], config_dir, reporter(options)):
+    if path := hydra.run(name, job, words, config_dir, reporter(options)):
         print_run(command, path, options)
 
 

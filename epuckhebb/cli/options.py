@@ -20,6 +20,15 @@ from epuckhebb.runtime import LATEST, be_quiet, refusing
 class Command(TyperCommand):
     """A command whose help begins with examples, and whose errors become one message and an exit code."""
 
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the words of a call; an option that is none may be meant as a key."""
+        try:
+            return super().parse_args(ctx, args)
+        except Exception as error:
+            if name := getattr(error, "option_name", ""):  # of an error whose class Typer does not give
+                vars(error)["message"] += f". Keys have no dashes: {name.lstrip('-')}=VALUE"
+            raise
+
     def invoke(self, ctx: Any) -> Any:
         """Do what the command does."""
         with report_errors():
@@ -62,8 +71,8 @@ Overrides = Annotated[list[str] | None, typer.Argument(metavar="[KEY=VALUE]...",
 Run = Annotated[Path, typer.Argument(metavar="RUN", help="Its folder, or latest.")]
 Multirun = Annotated[bool, typer.Option("--multirun", "-m", help="Run every combination of comma-separated values.")]
 Cfg = Annotated[
-    Literal["job", "hydra", "all"] | None,
-    typer.Option("--cfg", "-c", metavar="job|hydra|all", help="Show the configuration, run nothing."),
+    Literal["job"] | None,
+    typer.Option("--cfg", "-c", metavar="job", help="Show the configuration that would run, run nothing."),
 ]
 ConfigDir = Annotated[
     str | None,

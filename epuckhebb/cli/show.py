@@ -198,7 +198,7 @@ def _in_short(path: Path) -> str:
 
 
 def _print_run(path: Path, console: Console) -> None:
-    """Print the results of a run, then how it was made: its command, settings, program and files."""
+    """Print the results of a run, then how it was made: its command, program and files."""
     run, status = Run(path).provenance, Run(path).status
     print_results(path, console)
     if Run(path).has("champion.npz"):
@@ -207,7 +207,6 @@ def _print_run(path: Path, console: Console) -> None:
     commit = f", commit {code['commit'][:10]}{' with changes' if code['dirty'] else ''}" if code["commit"] else ""
     for name, value in {
         "Command": " ".join(run["command_line"]),
-        "Settings": " ".join(run["overrides"]) or "as by default",
         "State": status["state"] + (f": {status['error']}" if status.get("error") else ""),
         "Time": f"{status['started']} – {status.get('finished', '')}" if "started" in status else "",
         "Program": f"epuckhebb {code['version']}{commit}; packages and machine: provenance.json",

@@ -4,6 +4,8 @@ import re
 
 import yaml
 
+from epuckhebb.runtime import did_you_mean
+
 _KEY = "full_key:"  # before the key, on a line of its own
 _NOISE = ("object_type=", "reference_type=", "provider=")  # lines that say nothing to a user
 _EXTRAS = {"submitit": "slurm", "ray": "ray"}  # launcher -> the extra of this package that has it
@@ -23,12 +25,22 @@ def explain(error: BaseException) -> str:
         for line in map(str.strip, str(cause).partition("Config search path")[0].splitlines()):
             if line.startswith(_KEY):
                 keys.append(line.removeprefix(_KEY).strip())
-            elif line and not line.startswith(_NOISE) and not any(line in other for other in lines):
-                lines[line] = None
+            elif line and not line.startswith(_NOISE) and not (" " in line and any(line in other for other in lines)):
+                lines[line] = None  # a word alone is the name of a choice
     message = " ".join(lines) or type(error).__name__
     if keys and keys[0] not in message:
         message = f"{keys[0]}: {message}"
+    message = re.sub(
+        r"(Error merging override \S+ )?Value '(.+)' of type '\w+' could not be converted to (\w+)", _number, message
+    )
+    message = re.sub(r"(In '\S+': )?Could not find '(\w+)/([^']+)' Available options in '\w+': (.*)", _choice, message)
     message = re.sub("Interpolation key '(.+)' not found", r"it refers to \1, which is missing", message)
+    message = re.sub(
+        "ValueError raised .*HydraConfig was not set", "${hydra:...} acts in hydra.* alone; list the values", message
+    )
+    message = re.sub(r"Key 'experiment' not in .*", "its first line must be `# @package _global_`", message)
+    as_text = r"(Merge error: str is not a subclass of \w+Config|Cannot assign str to Dict\[str, Any\]).*"
+    message = re.sub(as_text, "choices stand in a file's defaults, as `- override /scenario: lowlight`", message)
     message = re.sub(r"Key '(\w+)\.(\S+)' not in .*", r"in YAML, \1.\2 is written \1: {\2: ...}", message)
     message = message.replace("Unexpected type for root: NoneType", "keys of ga are those of optimizer=ga alone")
     launcher = re.search(rf"'hydra/launcher/({'|'.join(_EXTRAS)})(_\w+)?'", message)
@@ -36,6 +48,16 @@ def explain(error: BaseException) -> str:
         message = message.removesuffix(".")
         message += f'; this launcher is a plug-in: pip install "epuckhebb[{_EXTRAS[launcher[1]]}]"'
     return message
+
+
+def _number(found: re.Match[str]) -> str:
+    kind = "a whole number" if found[3] == "Integer" else "a number"
+    return f"must be {kind}, got {found[2]}; for several, add -m: 1,2,5 or range(1,6)"
+
+
+def _choice(found: re.Match[str]) -> str:
+    known = found[4].split()
+    return f"must be one of {', '.join(known)}{did_you_mean(found[3], known)}"
 
 
 def line_of(error: yaml.MarkedYAMLError) -> str:

@@ -47,7 +47,8 @@ def parsed(words: Iterable[str]) -> list[Override]:
         return list(OverridesParser.create().parse_overrides(words))
     except HydraException as error:
         given = str(getattr(error, "override", error))
-        raise ConfigError(f"{given} cannot be read; give KEY=VALUE, of a text in a list 'KEY=[\"TEXT\"]'") from error
+        hint = "without spaces" if "=" in words else "of a text in a list 'KEY=[\"TEXT\"]'"
+        raise ConfigError(f"{given} cannot be read; give KEY=VALUE, {hint}") from error
 
 
 def readable(words: Iterable[Any]) -> list[str]:
@@ -101,10 +102,16 @@ def check_words(command: str, words: Sequence[str], *, several: bool = False) ->
         if key not in known and key not in choices and not key.startswith(("hydra.", "hydra/", *open_keys)):
             verb, _, is_of_environment = command.partition("_")
             where = f"`epuckhebb {verb}`{' in an environment' if is_of_environment else ''}"
-            hint = did_you_mean(key, known)
+            hint = did_you_mean(key, [*known, *_below(key, (*choices, *known))])
             if key.startswith("environment.") and not is_of_environment:
                 hint = "; give environment=NAME, or genome=RUN of an evolution in one"
             raise ConfigError(f"there is no key {key} of {where}{hint}")
+
+
+def _below(key: str, groups: Iterable[str]) -> Iterator[str]:
+    """The key below each group: `hebian.N` may be that of `hebbian`, whose keys the schema does not know."""
+    _, dot, rest = key.partition(".")
+    return (f"{group}.{rest}" for group in groups if dot and "." not in group)
 
 
 @functools.cache

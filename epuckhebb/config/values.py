@@ -1,6 +1,7 @@
 """Plain values of settings, converted to the types that dataclasses and records declare."""
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
 from enum import EnumType
@@ -12,6 +13,8 @@ from epuckhebb.runtime import ConfigError, did_you_mean
 from epuckhebb.tmaze.sensors import CurvePoint, Place
 
 _ROWS = (Place, CurvePoint)  # records that are written as lists of numbers
+_EXPECTED = re.compile(r"Expected `(.+)`, got `.+`")  # of msgspec
+_KINDS = {"float": "a number", "int": "a whole number", "bool": "true or false", "str": "a text", "object": "settings"}
 _INFINITE = (math.inf, -math.inf)
 
 
@@ -68,6 +71,7 @@ def converted(where: str, value: object, kind: Any) -> Any:
         result = msgspec.convert(value, kind)
     except (msgspec.ValidationError, TypeError) as error:
         reason, _, place = str(error).partition(" - at `$")
+        reason = _EXPECTED.sub(lambda found: f"it must be {_KINDS.get(found[1], found[1])}", reason)
         allowed = f", it must be one of {', '.join(kind.__members__)}" if isinstance(kind, EnumType) else ""
         raise ConfigError(f"{where}{place.rstrip('`')}: {reason}{allowed}; given was {value!r}") from error
     if not _is_finite(result):

@@ -1,6 +1,7 @@
 """Runs jobs on what Hydra composes: one in this process, many with the launchers and sweepers of Hydra."""
 
 import functools
+import itertools
 import os
 import platform
 import sys
@@ -100,8 +101,9 @@ def check(
     prepare: a function that raises `ConfigError` if a checked configuration cannot be run.
     """
     named = [override for override in overrides if override.startswith("experiment=")]
-    if named and swept_values(overrides, config_dir):
-        raise ConfigError(f"{named[-1]} has many jobs: run `epuckhebb sweep {named[-1].partition('=')[2]}`")
+    for word in itertools.chain(*alternatives(named[-1:]).values()):
+        if swept_values([word], config_dir):
+            raise ConfigError(f"{word} has many jobs: run `epuckhebb sweep {word.partition('=')[2]}`")
     if not multirun:
         return
     choices = list(alternatives(overrides).values())
@@ -110,9 +112,15 @@ def check(
     for place, values in enumerate(choices):
         tried = values[1:] if len(values) <= _CHECKED_IN_FULL else values[-1:]
         jobs += [(*first[:place], value, *first[place + 1 :]) for value in tried]
+    wrong: dict[str, None] = {}
     for _, config in configurations(command, [], jobs, config_dir):
         with chdir(Path.cwd()):  # a part of the user's may go elsewhere
-            prepare(from_values(config, SCHEMAS[command], command))
+            try:
+                prepare(from_values(config, SCHEMAS[command], command))
+            except ConfigError as error:
+                wrong[str(error)] = None
+    if wrong:
+        raise ConfigError("\n".join(wrong))
 
 
 def run(
@@ -346,10 +354,13 @@ class _Chosen(Launcher):
 
 @contextmanager
 def _launching(jobs: Jobs) -> Iterator[None]:
-    """Let Hydra's sweeper have a launcher that gets the jobs that are to do, and joblib workers that begin here."""
+    """Let Hydra's own sweeper have a launcher that gets the jobs that are to do, and joblib workers that begin here."""
     instantiate = Plugins.instantiate_launcher
 
     def chosen(self: Plugins, **how: Any) -> Launcher:
+        sweeper = str(how["config"].hydra.sweeper._target_).rpartition(".")[2]
+        if sweeper != "BasicSweeper":
+            raise ConfigError(f"hydra/sweeper must be basic: jobs return no number to {sweeper}")
         return _Chosen(instantiate(self, **how), jobs, how["hydra_context"], how["config"])
 
     with joblib_workers(), patch.object(Plugins, "instantiate_launcher", chosen):

@@ -35,7 +35,8 @@ def thread_count(threads: int = 0) -> int:
     """The number of threads to use; 0 stands for one for each core that this process, or its container, may use."""
     from joblib import cpu_count
 
-    return threads or int(cpu_count())
+    with refusing(lambda error: f"LOKY_MAX_CPU_COUNT, of the environment, must be a whole number: {error}", ValueError):
+        return threads or int(cpu_count())
 
 
 def data_folder(name: str) -> Path:

@@ -134,8 +134,9 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Plan
         arguments = as_evolved(arguments, config_dir)
         own, _ = split("sweep", arguments)
     command, (_, *own) = for_hydra("evaluate", [*named, *own])
-    check_words(command, own, several=True)
-    choices = alternatives(readable([*(f"{key}={values}" for key, values in params.items()), *own]))
+    words = readable([*(f"{key}={values}" for key, values in params.items()), *own])
+    check_words(command, words, several=True)
+    choices = alternatives(words)
     listed: dict[str, Job] = {}
     identities = Identities()
     for overrides, config in configurations(command, named, itertools.product(*choices.values()), config_dir):
