@@ -1,5 +1,6 @@
 """Every file of conf/ composes into a checked configuration."""
 
+import dataclasses
 import itertools
 import os
 import subprocess
@@ -10,13 +11,21 @@ import pytest
 import yaml
 from cases import done
 from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
 
+from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.config.compose import composed, configurations
 from epuckhebb.config.overrides import alternatives, for_hydra, readable
+from epuckhebb.config.parts import part_class
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, typed
+from epuckhebb.evolution.optimizers.ga import GA
+from epuckhebb.evolution.training import Training
 from epuckhebb.runtime import ConfigError
 from epuckhebb.runtime.conf import groups
 from epuckhebb.runtime.resources import data_folder
+from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.light import Lamp
+from epuckhebb.tmaze.scenario import Scenario
 
 SCHEMA = {"evaluate": EvaluateConfig, "evolve": EvolveConfig}
 
@@ -271,3 +280,50 @@ def test_a_sweep_over_rules_by_either_key_has_the_same_jobs():
     assert jobs[0] == jobs[1]
     assert for_hydra("evaluate", ["hebbian.rule=oja,bcm"])[1] == ["hebbian=oja,bcm"]
     assert for_hydra("evaluate", ["hebbian=a.py:A,b.py:B"])[1] == ["hebbian.rule=a.py:A,b.py:B"]
+
+
+BESIDES = {
+    "scenario.hand",
+    "lifetime.record_every",
+    "training.name",
+    "changed",
+}  # another form, or of the command alone
+
+
+def other_defaults(kind, values, key):
+    """The keys of a dataclass of which Python and YAML have another default."""
+    missing = dataclasses.MISSING
+    defaults = {
+        one.name: one.default_factory() if one.default is missing else one.default
+        for one in dataclasses.fields(kind)
+        if not one.default is one.default_factory is missing
+    }
+    plain = {
+        name: list(value) if isinstance(value, tuple) else getattr(value, "name", value)
+        for name, value in defaults.items()
+        if not dataclasses.is_dataclass(value)
+    }
+    return {f"{key}.{name}" for name, value in plain.items() if values.get(name, value) != value} - BESIDES
+
+
+@pytest.mark.parametrize(
+    ("kind", "command", "key"),
+    [
+        (Scenario, "evaluate", "scenario"),
+        (Lamp, "evaluate", "scenario.lamp"),
+        (Lifetime, "evaluate", "lifetime"),
+        (Adaptation, "evaluate", "adaptation"),
+        (GA, "evolve", "ga"),
+        (Training, "evolve", "training"),
+    ],
+)
+def test_python_and_yaml_have_one_default(kind, command, key):
+    values = OmegaConf.to_container(OmegaConf.select(composed(command, []), key), resolve=True, enum_to_str=True)
+    assert len(values) > 3
+    assert other_defaults(kind, values, key) == set()
+
+
+@pytest.mark.parametrize("name", ["sep_cma_es", "open_es"])
+def test_optimizers_have_one_default(name):
+    values = composed("evolve", [f"optimizer={name}"]).optimizer
+    assert other_defaults(part_class("optimizer", name, "optimizer"), values, "optimizer") == set()
