@@ -95,6 +95,14 @@ def test_a_repeated_run_is_the_same_bytes(run):
     assert json.loads((again / "provenance.json").read_text())["rerun_of"] == "run"
 
 
+def test_a_machine_with_other_functions_is_told(run, monkeypatch):
+    assert "tanh" not in call("rerun", str(run)).stderr
+    monkeypatch.setattr(provenance, "functions_digest", lambda: "0" * 12)
+    result = call("rerun", str(run))
+    assert result.exit_code == 0
+    assert [line for line in result.stderr.splitlines() if line.startswith("run was begun on ") and "tanh" in line]
+
+
 def test_what_differs_is_named(run):
     name = "metrics.csv" if (run / "metrics.csv").is_file() else "history.csv"
     lines = (run / name).read_text().splitlines(keepends=True)

@@ -52,7 +52,15 @@ from epuckhebb.runtime import (
     refusing,
     thread_count,
 )
-from epuckhebb.store import MULTIRUN, PROVENANCE, Run, check_folder_of_multirun, locked, write_atomic
+from epuckhebb.store import (
+    MULTIRUN,
+    PROVENANCE,
+    Run,
+    check_folder_of_multirun,
+    locked,
+    say_if_elsewhere,
+    write_atomic,
+)
 
 _CHECKED_IN_FULL = 20  # a longer list of values is checked at its two ends
 _FULL_ERROR = "HYDRA_FULL_ERROR"  # environment variable
@@ -172,6 +180,8 @@ def run_many(
         for path, (_, values) in zip(begun, composed, strict=True):
             with chdir(Path.cwd()):
                 check_same(path, from_values(values, SCHEMAS[command], command))
+        for path in list(begun)[:1]:
+            say_if_elsewhere(path, Run(path).provenance)
         named = zip(names_of_overrides(listed), listed, paths, strict=True)
         return [Task(name=name, overrides=own, path=path, result=path) for name, own, path in named]
 

@@ -21,6 +21,6 @@ from epuckhebb.store.disk import (
 from epuckhebb.store.folder import UNFINISHED, Content, RunFolder, as_bytes, check_folder_of_multirun, set_aside
 from epuckhebb.store.genome import Genome, champion_file, checked_genes, load_genome
 from epuckhebb.store.lock import is_locked, locked
-from epuckhebb.store.provenance import SCIENCE, digest, fingerprint, versions
+from epuckhebb.store.provenance import SCIENCE, digest, fingerprint, say_if_elsewhere, versions
 from epuckhebb.store.run import Run, below_runs, of_multirun, resolve_run
 from epuckhebb.store.traces import read_traces, traces_arrays

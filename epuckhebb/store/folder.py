@@ -18,7 +18,7 @@ from epuckhebb.runtime import ConfigError, JobFailedError, is_interruption, is_o
 from epuckhebb.store import disk
 from epuckhebb.store.disk import CONFIG, MULTIRUN, OVERRIDES, PROVENANCE, SCHEMA, STATUS, as_json
 from epuckhebb.store.lock import LOCK, PATIENCE_S, claim, is_locked, lock, release
-from epuckhebb.store.provenance import provenance
+from epuckhebb.store.provenance import provenance, say_if_elsewhere
 from epuckhebb.store.rows import as_csv
 from epuckhebb.store.run import Run, of_multirun
 
@@ -112,6 +112,7 @@ class RunFolder:
             run._lock = lock(path, PATIENCE_S)
             with suppress(ConfigError):  # nothing can be read where nothing has begun
                 earlier, status = before.provenance, before.status
+                say_if_elsewhere(path, earlier)
                 run._started = status.get("started", run._started)
                 run._earlier = dict(status.get("sha256", {}))
                 others = {key: fact for key, fact in facts.items() if earlier.get(key) != fact}

@@ -2,9 +2,12 @@
 
 import hashlib
 import json
+import math
 import os
 import platform
+import struct
 import subprocess
+from collections.abc import Mapping
 from contextlib import suppress
 from functools import cache
 from importlib.metadata import version
@@ -12,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from epuckhebb import __version__
-from epuckhebb.runtime import thread_count
+from epuckhebb.runtime import say, thread_count
 from epuckhebb.store.disk import SCHEMA
 from epuckhebb.store.genome import Genome
 
@@ -53,8 +56,28 @@ def provenance(command: str, arguments: list[str]) -> dict[str, Any]:
         "packages": versions(_PACKAGES),
         "python": platform.python_version(),
         "platform": platform.platform(),
+        "c_library": " ".join(platform.libc_ver()).strip(),
+        "functions": functions_digest(),
         "cores": thread_count(),
     }
+
+
+@cache
+def functions_digest() -> str:
+    """Twelve hexadecimal digits of 1,000 values each of exp, tanh, sin and cos of the C library of this machine.
+
+    Compiled lifetimes call the same functions. Another C library, or one that chooses other code for another processor,
+    may round the last digit otherwise, and an evolution then takes another course.
+    """
+    values = [function(k / 64.0 - 8.0) for function in (math.exp, math.tanh, math.sin, math.cos) for k in range(1000)]
+    return hashlib.sha256(struct.pack(f"<{len(values)}d", *values)).hexdigest()[:12]
+
+
+def say_if_elsewhere(path: Path, facts: Mapping[str, Any]) -> None:
+    """Say so if a run was begun where these functions give other digits. facts: its provenance."""
+    if facts.get("functions", functions_digest()) != functions_digest():
+        where = f"{facts['platform']}, {facts['c_library']}"
+        say(f"{path} was begun on {where}, whose exp, tanh, sin or cos have other last digits: results may differ.")
 
 
 @cache
