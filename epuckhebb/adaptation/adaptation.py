@@ -87,13 +87,13 @@ class Adaptation(NoAdaptation):
 
     @property
     def parts(self) -> tuple[Any, ...]:
-        """See `NoAdaptation`; one that does nothing has none, so that its kernel has one name."""
+        """What its functions are made from; nothing for one that does nothing, so that its kernel has one name."""
         functions = self.signal, self.follows_walls, self.plastic_when, self.stay, self.homeostasis
         return functions if self.acts else ()
 
     @property
     def knowledge(self) -> tuple[str, ...]:
-        """See `NoAdaptation`."""
+        """What it is given or what was written by hand, beside its senses."""
         takes = self.signal.arguments("signal") if self.signal else ()
         times = (
             bool({"time_s", "away_s", "arrived"} & {*takes}) and self.threshold < NEVER and not self.is_network_unused
@@ -107,7 +107,7 @@ class Adaptation(NoAdaptation):
         return tuple(kind for kind, used in uses.items() if used)
 
     def check(self, rule: Rule, duration_s: float, wiring: Wiring | None) -> None:
-        """See `NoAdaptation`."""
+        """Check that it goes with a rule, a lifetime's length and a network; else a ValueError."""
         if self.plastic_when is PlasticWhen.goal_signal and isinstance(rule, NoRule):
             raise ValueError("adaptation.plastic_when=goal_signal needs a plasticity rule: give hebbian=stay")
         if rule.control is not Control.none and self.is_gated and self.plastic_when is PlasticWhen.late:
@@ -123,11 +123,11 @@ class Adaptation(NoAdaptation):
             raise ValueError(f"hebbian.signal=fitness does not go with adaptation={self.name}; give another of the two")
 
     def numbers(self) -> Any:
-        """See `NoAdaptation`."""
+        """The settings that its functions need, as numbers."""
         return Gate(*(float(getattr(self, name)) for name in Gate._fields)) if self.acts else ()
 
     def hooks(self, robot: Robot, post: int) -> Hooks:
-        """See `NoAdaptation`."""
+        """The functions that a lifetime calls. post: how many neurons the first layer of connections leads to."""
         limit = robot.motor_limit_rad_s
         explore, open_gate = NO_HOOKS.explore, NO_HOOKS.open_gate
         if self.signal is not None:
@@ -145,7 +145,7 @@ class Adaptation(NoAdaptation):
         )
 
     def initial_state(self, robot: Robot) -> Any:
-        """See `NoAdaptation`."""
+        """What its functions store from step to step, before the first one."""
         if not self.acts:
             return ()
         return AdaptationState(
@@ -157,7 +157,7 @@ class Adaptation(NoAdaptation):
         )
 
     def no_nominal(self, robot: Robot) -> Any:
-        """See `NoAdaptation`."""
+        """Nominal statistics for an individual that has none."""
         return no_nominal(robot.inputs, robot.light.count) if self.acts else ()
 
 

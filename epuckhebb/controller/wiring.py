@@ -99,7 +99,7 @@ class Wiring(OwnClass):
 
     @classmethod
     def known(cls, method: str) -> Collection[str]:  # noqa: ARG003  # it has one
-        """See `OwnClass`."""
+        """The names of the arguments that a method may have; none where they are fixed."""
         return [*OF_NEURON, *cls.evolved]
 
     @classmethod

@@ -207,7 +207,7 @@ class _Evaluator(NamedTuple):
 
     @property
     def lifetimes(self) -> int:
-        """See `Evaluator`."""
+        """How many lifetimes each individual runs in a generation."""
         return self.loops * len(_TRIALS)
 
     def evaluate(
@@ -243,7 +243,7 @@ class _Evaluator(NamedTuple):
         return fitness, success, measured, robot_steps
 
     def again(self, genes: Floats, generation: int) -> tuple[float, float] | None:
-        """See `Evaluator`: the lifetimes are fresh, since in those of its generation the fittest was lucky."""
+        """Fitness with plasticity and without, in fresh lifetimes: in those of its generation the fittest was lucky."""
         if not self.training.rule_off:
             return None
         plan = plan_of(self.network, type(self.controller.rule))

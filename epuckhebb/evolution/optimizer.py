@@ -165,7 +165,7 @@ class EvolutionStrategy(Optimizer):
         self._bound = self.limits(plan) / self._unit
 
     def begin_at(self, genes: Floats) -> None:
-        """See `Algorithm`: these genes are the first mean, and there is no random generation."""
+        """Begin at these genes, (genes,), as the first mean; there is no random generation."""
         self._mean, self._generations = genes / self._unit, 1
 
     def ask(self) -> Floats:

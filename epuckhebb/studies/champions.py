@@ -47,7 +47,7 @@ class ChampionStudy(Study):
 
     @classmethod
     def name_of(cls, job: Plain) -> str:
-        """See `Study`."""
+        """The name of the run of a job, which follows from all that its results depend on."""
         worlds, config_dir = tuple(job.get("worlds", ())), job.get("config_dir")
         depends = {key: value for key, value in job.items() if key != "config_dir"}
         depends["config"] = {key: value for key, value in job["config"].items() if key != "genome"}
@@ -56,13 +56,13 @@ class ChampionStudy(Study):
 
     @property
     def own(self) -> Mapping[Path, OwnFile]:
-        """See `Study`."""
+        """The user's files on which the study depends."""
         jobs = (job for _, stage in self.stages() for job in stage)
         return {file: own for job in jobs for file, own in own_files(job.config["config"]).items()}
 
     @classmethod
     def work(cls, path: Path, job: Plain, facts: dict[str, Any]) -> None:
-        """See `Study`."""
+        """Evolve a champion, or test one, in the folder that the job is given."""
         wanted, folder = job["config"], path.parents[1]
         values = dict(wanted["config"])
         if wanted["champion"]:

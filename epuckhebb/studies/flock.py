@@ -111,11 +111,11 @@ class FlockStudy(Study):
 
     @property
     def label(self) -> str:
-        """See `Study`."""
+        """The first part of the name of its folder."""
         return f"{self.flock.coupling.rpartition(':')[2]}_seed{self.seed}"
 
     def plan(self) -> Sequence[Plain]:
-        """See `Study`: a job is the study of one condition, so other conditions leave it as it is."""
+        """The jobs: one for each condition, which is a study of its own, so other conditions leave it as it is."""
         smoke_test = replace(self.conditions[0].flocks[0], at_s=6.4, duration_s=19.2)  # its coupling changes once
         first, again = (_run_all([(row, smoke_test, self.seed) for row in self.rows], 1) for _ in range(2))
         if any(one.weights.tobytes() != other.weights.tobytes() for one, other in zip(first, again, strict=True)):
@@ -130,7 +130,7 @@ class FlockStudy(Study):
 
     @classmethod
     def do(cls, job: Plain) -> dict[str, pd.DataFrame]:
-        """See `Study`: run all flocks of a condition."""
+        """Run all flocks of a condition; returns the flocks, their courses by the minute, and their couplings."""
         study = from_values(job, cls, "a job of flock")
         (condition,), threads = study.conditions, hydra.threads_of_job(study.threads)
         seeds = range(study.seed, study.seed + condition.repeats)
@@ -146,14 +146,14 @@ class FlockStudy(Study):
         return {"runs": pd.DataFrame(rows), "minutes": pd.DataFrame(minutes), "couplings": pd.concat(pairs)}
 
     def tables(self, runs: Sequence[Run]) -> dict[str, pd.DataFrame]:
-        """See `Study`."""
+        """All flocks, each condition with its intervals, and courses and couplings of the usual one."""
         every = pd.concat([run.table("runs.csv") for run in runs], ignore_index=True)
         found = {"runs": every, "flock": tables.table(every, self.seed)}
         found["curves"] = tables.curves(runs[0].table("minutes.csv"), self.seed)
         return found | {"couplings": runs[0].table("couplings.csv")}
 
     def figures(self, run: Run) -> dict[str, "Figure"]:
-        """See `Study`; couplings are those of the usual condition, with the last kind of break."""
+        """Figures by name; couplings are those of the usual condition, with the last kind of break."""
         from epuckhebb.flock import figure  # matplotlib takes a while to load
 
         first, pairs = self.conditions[0].flocks[-1], run.table("couplings.csv")
@@ -170,7 +170,7 @@ class FlockStudy(Study):
         return first, {row.name: record for row, record in zip(rows, records, strict=True)}
 
     def page(self, run: Run, captions: Mapping[str, str]) -> str:
-        """See `Study`."""
+        """The page of the study in Markdown."""
         first = self.conditions[0].flocks[-1]
         few = "**A smoke test: so few flocks say nothing about a coupling.** " if self.repeats < 8 else ""
         made = (
@@ -182,7 +182,7 @@ class FlockStudy(Study):
 
     @classmethod
     def shown(cls, run: Run) -> list[Table]:
-        """See `Study`."""
+        """The cosine of the heading to the goal in each condition, as the terminal shows it."""
         shown = [table.only(0, 1, 3, 5, 4) for table in tables.main_tables(run.table("flock.csv"))]
         return [replace(table, title=f"Cosine of heading to the goal. {table.title}") for table in shown]
 

@@ -120,7 +120,7 @@ class Leaderboard(ChampionStudy):
         return entries
 
     def stages(self) -> list[tuple[str, list[Job]]]:
-        """See `Study`: champions, rules for champions, tests."""
+        """Champions, then rules for champions, then tests, each with its jobs."""
         stages = [
             (stage, {job.run: job for entry in self.entries for job in entry.jobs.get(stage, {}).values()})
             for stage in STAGES
@@ -128,14 +128,14 @@ class Leaderboard(ChampionStudy):
         return [(stage, list(jobs.values())) for stage, jobs in stages if jobs]
 
     def folder(self, jobs: Sequence[Job]) -> Path:  # noqa: ARG002  # other methods have the same folder
-        """See `Study`."""
+        """Its folder, by its test worlds, seeds and repeats; other methods have the same one."""
         tested = tuple(name for worlds in tests_of(self.tests, self.config_dir).values() for name in worlds)
         depends = [worlds_digest(tested, self.config_dir), self.first_seed, self.seed, self.repeats]
         depends += [self.reversal_repeats]
         return Path("runs") / "leaderboard" / f"seed{self.first_seed}_{fingerprint(depends)[:8]}"
 
     def tables(self, runs: Sequence[Run]) -> dict[str, pd.DataFrame]:
-        """See `Study`: a row for each champion; for each method and test world; the leaderboard."""
+        """A row for each champion; for each method and test world; the leaderboard."""
         folder = runs[0].path.parent
         champions, worlds, courses = [], [], []
         sweeps = {
@@ -171,7 +171,7 @@ class Leaderboard(ChampionStudy):
         return every | ({"anytime": board.anytime(by_champion), "anytime_by_champion": by_champion} if courses else {})
 
     def figures(self, run: Run) -> dict[str, "Figure"]:
-        """See `Study`."""
+        """Success by method in each experiment, the profiles of all, and success over the cost of evolution."""
         from epuckhebb.analysis import leaderboard_charts as charts  # matplotlib takes a while to load
 
         limits = {REVERSAL: Reversal().limits()}
@@ -188,7 +188,7 @@ class Leaderboard(ChampionStudy):
         return drawn
 
     def page(self, run: Run, captions: Mapping[str, str]) -> str:
-        """See `Study`."""
+        """The page of the leaderboard in Markdown."""
         meanings = {entry.row.method: entry.description for entry in self.entries}
         tests = {experiment: list(own) for experiment, own in self.worlds.items()}
         table, worlds = (_table(run, name) for name in ("leaderboard", "worlds"))
@@ -205,7 +205,7 @@ class Leaderboard(ChampionStudy):
 
     @classmethod
     def shown(cls, run: Run) -> list[Table]:
-        """See `Study`."""
+        """The leaderboard, as the terminal shows it."""
         table, worlds = _table(run, "leaderboard"), _table(run, "worlds")
         return [
             board.readable(own, worlds.iloc[:0]).only(*_SHOWN[one == REVERSAL], text=2)

@@ -78,7 +78,7 @@ class Reproduction(ChampionStudy):
 
     @property
     def label(self) -> str:
-        """See `Study`."""
+        """The first part of the name of its folder."""
         who = self.given.name if self.given else f"champions{self.champions}"
         return f"{self.experiments}_{who}_seed{self.first_seed}"
 
@@ -118,24 +118,24 @@ class Reproduction(ChampionStudy):
         return {_EVOLVE: evolutions, _TEST: tests}
 
     def stages(self) -> list[tuple[str, list[Job]]]:
-        """See `Study`."""
+        """Champions, then their evaluations, each with its jobs."""
         return [(stage, list(jobs.values())) for stage, jobs in self.jobs.items() if jobs]
 
     @classmethod
     def stored(cls, run: Run) -> "Reproduction":
-        """See `Study`."""
+        """The reproduction of a folder, with the settings that it was called with."""
         study = super().stored(run)
         study.experiments = run.provenance["command_line"][2]
         return study
 
     def tables(self, runs: Sequence[Run]) -> dict[str, pd.DataFrame]:
-        """See `Study`."""
+        """The paper's tables and ours over all champions, by name."""
         tests = runs[-len(self.jobs[_TEST]) :]
         metrics = pd.concat([run.table("metrics.csv") for run in tests], ignore_index=True)
         return reproduction.tables_of(metrics, _paper())
 
     def figures(self, run: Run) -> dict[str, "Figure"]:
-        """See `Study`; the champions that are shown run again."""
+        """The paper's figures for our champions; those that are shown run again."""
         if todo(run.path, list(self.jobs[_TEST].values())):
             raise ConfigError(f"{run.path} was made by another version of the program; run it again")
         shown, histories = dict[str, Any](), dict[str, list[pd.DataFrame]]()
@@ -157,7 +157,7 @@ class Reproduction(ChampionStudy):
         return reproduction.figures_of(tables, shown, signals, world, histories, self.seed)
 
     def page(self, run: Run, captions: Mapping[str, str]) -> str:
-        """See `Study`."""
+        """The report: the paper's tables with ours beside them."""
         last = self.first_seed + self.champions - 1
         who = f"{self.champions} champions of each experiment, evolved from seeds {self.first_seed} to {last}"
         if self.given:
@@ -177,7 +177,7 @@ class Reproduction(ChampionStudy):
 
     @classmethod
     def shown(cls, run: Run) -> list[Table]:
-        """See `Study`."""
+        """What held and what did not, as the terminal shows it."""
         claims = reproduction.claims_table(run.table("claims.csv")).only(0, 1, 2, 3, text=3)
         return [claims, *reproduction.terminal_tables(run.table("comparison.csv"), _paper())]
 

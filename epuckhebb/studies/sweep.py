@@ -69,31 +69,31 @@ class Sweep(Study):
 
     @classmethod
     def name_of(cls, job: Plain) -> str:
-        """See `Study`."""
+        """The name of the run of a job, which follows from all that its results depend on."""
         return Identities().of(job)
 
     @classmethod
     def work(cls, path: Path, job: Plain, facts: dict[str, Any]) -> None:
-        """See `Study`."""
+        """Evaluate in the folder that the job is given."""
         config = from_values(job["config"], schema_of("evaluate", job["config"]), f"job {path}")
         evaluate_into(path, config, job["overrides"], facts, threads=hydra.threads_of_job(config.threads), is_many=True)
 
     @classmethod
     def stored(cls, run: Run) -> "Sweep":  # noqa: ARG003  # others need it
-        """See `Study`."""
+        """The sweep of a folder, without its jobs."""
         return cls("", [])
 
     @property
     def own(self) -> Mapping[Path, OwnFile]:
-        """See `Study`; each job has its own."""
+        """No file of the user's: each job has its own."""
         return {}
 
     def stages(self) -> list[tuple[str, list[Job]]]:
-        """See `Study`."""
+        """Its evaluations, all at once."""
         return [(f"sweep {self.name}", self.jobs)]
 
     def folder(self, jobs: Sequence[Job]) -> Path:
-        """See `Study`."""
+        """Its folder, by its jobs: the same jobs, the same folder."""
         settings = digest([digest(_without(job.config, NO_EFFECT)) for job in jobs])
         return Path("runs") / "sweep" / f"{self.name}_{settings[:8]}"
 
@@ -107,12 +107,12 @@ class Sweep(Study):
         folder.failure = planned.failure(outcome)
 
     def figures(self, run: Run) -> dict[str, "Figure"]:
-        """See `Study`."""
+        """Figures of the tables that it has, by name."""
         return figures(run)
 
     @classmethod
     def shown(cls, run: Run) -> list[Table]:
-        """See `Study`."""
+        """The summary of the sweep, as the terminal shows it."""
         files = {name: f"{name}.csv" for name in ("summary", "over_champions", "rescue_over_all", "ends")}
         if "return" in (own := run.table("summary.csv")):
             effects = [environments.readable_effects(run.table("effects.csv"))] if run.has("effects.csv") else []

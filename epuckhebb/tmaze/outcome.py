@@ -82,7 +82,7 @@ class OutcomeOfTrials(Outcome):
 
     @property
     def trials(self) -> NDArray[np.void]:
-        """See `Outcome`."""
+        """The trials of the lifetime, records of `epuckhebb.tmaze.task.TRIAL`."""
         return self._trials
 
 

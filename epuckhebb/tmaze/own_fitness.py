@@ -103,7 +103,7 @@ class Fitness(OwnClass):
 
     @classmethod
     def known(cls, method: str) -> Collection[str]:
-        """See `OwnClass`."""
+        """The names of the arguments that a method may have; none where they are fixed."""
         return _OF_STEP if method == "step" else (*(_WITH_STEP if cls.step else ()), *_OF_LIFE)
 
     def initial_state(self) -> NDArray[np.void]:

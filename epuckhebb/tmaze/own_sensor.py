@@ -62,7 +62,7 @@ class Sensor(SensorGroup, OwnClass):
         return [self.name if self.count == 1 else f"{self.name} {reading}" for reading in self.readings]
 
     def kernels(self, first: int, radius_m: float) -> Kernels:  # noqa: ARG002  # others need it
-        """See `SensorGroup`."""
+        """The functions that fill its readings, whose noise begins at place `first` among that of all readings."""
         noise, by = float(self.noise), namedtuple_of("By", self.settings())(*self.numbers())
 
         @compiled

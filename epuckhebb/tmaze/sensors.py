@@ -170,7 +170,7 @@ class LightSensors(RimSensors):
     dead: ClassVar[float] = 1.0
 
     def kernels(self, first: int, radius_m: float, irradiance: Irradiance = _in_plane) -> Kernels:  # noqa: ARG002
-        """See `SensorGroup`. irradiance: of the physics."""
+        """The functions that fill its readings. irradiance: of the physics."""
         count = self.count
 
         @compiled
@@ -214,7 +214,7 @@ class DistanceSensors(RimSensors):
         check_value("robot.reach_m", self.reach_m, Range(0, ends, above=True))
 
     def kernels(self, first: int, radius_m: float) -> Kernels:
-        """See `SensorGroup`."""
+        """The functions that fill its readings."""
         count, full_scale, reach, echo = self.count, self.full_scale, radius_m + self.reach_m, self.echo()
 
         @compiled

@@ -168,7 +168,7 @@ class Rule(OwnClass):
 
     @classmethod
     def known(cls, method: str) -> Collection[str]:  # noqa: ARG003  # it has one
-        """See `OwnClass`."""
+        """The names of the arguments that a method may have; none where they are fixed."""
         return [*QUANTITIES, *coefficient_names(cls)]
 
 

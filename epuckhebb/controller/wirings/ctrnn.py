@@ -47,7 +47,7 @@ class CTRNN(Wiring):
         return product([*range(inputs), *neurons], neurons)
 
     def step_s(self, gain_rad_s: float, step_s: float) -> float:
-        """See `Wiring`."""
+        """How long a control step is to the neurons [s]: longer at a higher wheel gain, if tau holds at one gain."""
         return step_s * gain_rad_s / self.tau_gain_rad_s if self.tau_gain_rad_s else step_s
 
     @staticmethod

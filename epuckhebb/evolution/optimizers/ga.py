@@ -88,7 +88,7 @@ class GA(Algorithm):
         return Schedule(self.generations, self.loops)
 
     def start(self, plan: GenomePlan, seed: int) -> None:
-        """See `Algorithm`."""
+        """Begin a search for the genes of a plan."""
         self._plan, self._rng = plan, random.rng(seed, Stream.variation)
         self._individuals = initial(self._rng, self.population, plan)
         self._best: list[float] = []  # of each generation
@@ -96,12 +96,12 @@ class GA(Algorithm):
         self._fittest, self._has_fallen = self._individuals[0], False
 
     def begin_at(self, genes: Floats) -> None:
-        """See `Algorithm`: the first generation is these genes and their mutants."""
+        """Begin at these genes, (genes,): the first generation is them and their mutants."""
         limit = limits(self._plan, self.gene_limit)
         self._individuals = np.array([genes, *(mutate(self._rng, genes, self, limit) for _ in self._individuals[1:])])
 
     def inherit(self, learnt: Floats) -> None:
-        """See `Algorithm`; weights are the first genes."""
+        """Let the last individuals have these weights, (individuals, weights), which are the first of their genes."""
         limit, weights = limits(self._plan, self.gene_limit), learnt.shape[1]
         learnt = np.clip(learnt, -limit[:weights], limit[:weights])
         self._individuals = np.hstack([learnt, self._individuals[:, weights:]])

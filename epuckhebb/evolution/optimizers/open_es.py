@@ -52,12 +52,12 @@ class OpenEs(EvolutionStrategy):
             raise ValueError(f"optimizer.population must be even, as individuals come in pairs, got {self.population}")
 
     def check(self, plan: GenomePlan) -> None:
-        """See `Algorithm`: merging needs a rule for each synapse."""
+        """Check that each synapse has a rule, if rules are to be merged; else a ValueError."""
         if self.merges:
             _rules(plan)
 
     def start(self, plan: GenomePlan, seed: int) -> None:
-        """See `Algorithm`."""
+        """Begin a search for the genes of a plan."""
         super().start(plan, seed)
         self._rules = _rules(plan) if self.merges else np.empty((0, 0), np.int64)
         self._rule_of = np.arange(self._rules.shape[1])

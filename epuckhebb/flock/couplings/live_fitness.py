@@ -13,5 +13,5 @@ class LiveFitness(Coupling):
     """Twice the live fitness of the robot that is listened to, less the mean of all."""
 
     def drive(self, now: Moment) -> Floats:
-        """See `Coupling`."""
+        """What moves each weight, (robots, robots): twice the fitness of the other robot, less the mean."""
         return np.broadcast_to(2.0 * (now.fitness - now.fitness.mean()), now.weights.shape)

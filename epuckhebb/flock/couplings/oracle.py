@@ -13,7 +13,7 @@ class Oracle(Coupling):
     """Every weight is 1, and 0 to the broken robot."""
 
     def weights(self, now: Moment) -> Floats:
-        """See `Coupling`."""
+        """The new weights, (robots, robots), of one who knows which robot is broken."""
         weights = np.ones_like(now.weights)
         if now.broken >= 0:
             weights[:, now.broken] = 0.0

@@ -11,7 +11,7 @@ class TransferEntropy(Coupling):
     """Transfer entropy over its mean, less 1; after the idea of Masumori, Doi & Ikegami (2024)."""
 
     def drive(self, now: Moment) -> Floats:
-        """See `Coupling`."""
+        """What moves each weight, (robots, robots): the transfer entropy from the other robot."""
         return relative(now.transfer_entropy)
 
 

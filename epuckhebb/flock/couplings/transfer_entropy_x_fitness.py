@@ -14,5 +14,5 @@ class TransferEntropyXFitness(Coupling):
     """Transfer entropy times the live fitness, at least 0, of the robot that is listened to; over its mean, less 1."""
 
     def drive(self, now: Moment) -> Floats:
-        """See `Coupling`."""
+        """What moves each weight, (robots, robots): transfer entropy from the other robot, times its fitness."""
         return relative(now.transfer_entropy * np.maximum(0.0, now.fitness))

@@ -165,16 +165,16 @@ class OdeSpace(Space):
         weakref.finalize(self, lambda shapes: list(map(ode.dGeomDestroy, shapes)), [self._floor, *geometries])
 
     def place_robot(self, pose: Pose) -> None:
-        """See `Space`."""
+        """Start a lifetime: put the robot at this pose, at rest, without traces of what was before."""
         self._body = _Body(self._physics, self._robot, self._solid, pose)
 
     def take_over(self, before: "OdeSpace") -> None:
-        """See `Space`: the robot, which keeps no contacts, is from now on among these walls."""
+        """Put the robot of another space, which keeps no contacts, among these walls."""
         self._body = before._body
 
     @property
     def handles(self) -> Handles:
-        """See `Space`; also lets ODE work in the thread that asks."""
+        """What compiled code needs, in the thread that asks, in which ODE may work from now on."""
         libode.library().dAllocateODEDataForThread(_ALL_DATA)
         body, contacts = self._body, self._contacts
         return Handles(
@@ -228,11 +228,11 @@ class Ode(Physics):
             raise ValueError(f"physics.put_down must be [x, y, z, angle], x, y, z not all 0, got {list(self.put_down)}")
 
     def space(self, walls: Floats, world: Any) -> OdeSpace:
-        """See `Physics`."""
+        """A space with these walls, (boxes, 4), for the robot of a world."""
         return OdeSpace(self, walls, world.maze.wall_height_m, world.robot)
 
     def check(self, world: Any) -> None:
-        """See `Physics`."""
+        """Check that a world says what three dimensions need; else a ValueError."""
         robot, maze = world.robot, world.maze
         if robot.solid is None:
             raise ValueError(f"physics=ode needs the keys robot.solid, and robot {robot.name} has none")
@@ -244,7 +244,7 @@ class Ode(Physics):
             raise ValueError(f"physics=ode needs scenario.wall_friction=0, got {world.wall_friction}; give friction")
 
     def mover(self, robot: Robot) -> Move:
-        """See `Physics`."""
+        """The function `move(space, cos, sin, left, right)` that moves the robot for one step."""
         libode.library()
         assert robot.solid is not None  # `check` has looked
         top, centre = robot.solid.hull_m[1], robot.solid.centre_of_mass_m
@@ -286,7 +286,7 @@ class Ode(Physics):
         return move
 
     def put_rays(self, robot: Robot) -> Callable[..., None]:
-        """See `Physics`; a ray has besides its height [m] and the vector along which the sensor looks."""
+        """The function that fills the rays of the sensors, each with its height [m] and the vector of its look."""
         assert robot.solid is not None  # `check` has looked
         height = robot.solid.sensor_height_m
 
@@ -308,7 +308,7 @@ class Ode(Physics):
         return put
 
     def kernels(self, group: SensorGroup, first: int, radius_m: float) -> Kernels:
-        """See `Physics`: light falls from above and from the floor, all else is as in the plane."""
+        """The functions of a group of sensors: light falls from above and the floor, all else is as in the plane."""
         if not isinstance(group, LightSensors):
             return group.kernels(first, radius_m)
         lamp_height, sun_up = self.lamp_m, self.sun_up
@@ -328,7 +328,7 @@ class Ode(Physics):
         return group.kernels(first, radius_m, irradiance)
 
     def record_tilt(self) -> Callable[..., None]:
-        """See `Physics`."""
+        """The function `record(space, tilt, place)` that writes the tilt of the robot into a sample."""
 
         @compiled
         def record(space: Handles, tilt: Floats, place: int) -> None:

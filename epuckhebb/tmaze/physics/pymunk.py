@@ -139,7 +139,7 @@ class PymunkSpace(Space):
 
     @property
     def handles(self) -> Handles:
-        """See `Space`."""
+        """What compiled code needs, in the thread that asks."""
         return self._handles
 
     def place_robot(self, *poses: Pose) -> None:
@@ -313,11 +313,11 @@ class Pymunk(Physics):
     ignores: ClassVar[tuple[str, ...]] = ("robot.solid", "maze.wall_height_m")
 
     def space(self, walls: Floats, world: Any) -> PymunkSpace:
-        """See `Physics`."""
+        """A space with these walls, (boxes, 4), for the robot of a world."""
         return PymunkSpace(walls, world.robot, world.wall_friction)
 
     def mover(self, robot: Robot) -> Move:
-        """See `Physics`."""
+        """The function `move(space, cos, sin, left, right)` that moves the robot for one step."""
         return mover(robot)
 
 

@@ -110,7 +110,7 @@ class Reversal(Task):
             )
 
     def check(self, lamp_intensity: float, duration_s: float) -> None:
-        """See `Task`: a lamp would show the first side, and there must be time for every trial."""
+        """Refuse a lamp, which would show the first side, and a lifetime too short for every trial, by a ValueError."""
         if lamp_intensity != 0:
             raise ValueError(f"scenario.lamp.intensity must be 0 with task=reversal, got {lamp_intensity:g}")
         longest_s = self.trials * (_steps(self.time_out_s) + _steps(self.reward_s)) * STEP_S
@@ -118,7 +118,7 @@ class Reversal(Task):
             raise ValueError(f"lifetime.duration_s must be {longest_s:g} s or more, got {duration_s:g}")
 
     def hooks(self, first: int) -> Hooks:
-        """See `Task`."""
+        """The functions that a lifetime calls. first: the place of the reward among the network's inputs."""
 
         @compiled
         def reward_input(activation: Floats, reward: float) -> None:
@@ -127,7 +127,7 @@ class Reversal(Task):
         return Hooks(reward_input, compiled(_to_nearer_end), compiled(_end_step))
 
     def terms(self, goals: Mapping[Side, Place], start: Pose) -> Terms:
-        """See `Task`."""
+        """The numbers that these functions need. goals: the ends of the maze. start: of each trial."""
         return Terms(
             Place(*map(float, goals["left"])),
             Place(*map(float, goals["right"])),
@@ -139,7 +139,7 @@ class Reversal(Task):
         )
 
     def initial_trials(self, side: Side, key: int) -> NDArray[np.void]:
-        """See `Task`. side: the end that is rewarded first, if that is drawn.
+        """The trials of a lifetime before it starts. side: the end that is rewarded first, if that is drawn.
 
         A rule that acts before the change is frozen from the first switch on. In a lifetime without a switch that is
         the middle of the trials in which switches are drawn.
@@ -181,7 +181,7 @@ class Reversal(Task):
         return self._last - self.first_switch + 1
 
     def limits(self) -> dict[str, float]:
-        """See `Task`: means over lifetimes, from the number of sets of switches that agree with what was seen.
+        """Shares of rewarded trials: means over lifetimes, from how many sets of switches agree with what was seen.
 
         chance: of the best fixed sequence of choices. Where the first end is drawn, any sequence is right in one
         lifetime of a pair wherever it is wrong in the other. Where it is the left one, the best sequence takes the end
@@ -217,7 +217,7 @@ class Reversal(Task):
         trials: NDArray[np.void],
         at_start: float,
     ) -> float:
-        """See `Task`: the rewarded share, plus a little for reaching any end, or coming near one."""
+        """The rewarded share, plus a little for reaching any end, or coming near one."""
         arrived = trials["reached"] != 0
         progress = np.where(arrived, 1.0, np.maximum(0.0, 1.0 - trials["nearest"] / at_start))
         return float(rewarded(trials).mean() + self.end_bonus * arrived.mean() + self.progress_bonus * progress.mean())
