@@ -81,7 +81,7 @@ def _counted(each: pd.DataFrame) -> pd.DataFrame:
 
 
 def _in_draws(each: pd.DataFrame) -> pd.DataFrame:
-    """The same trials; controls `NAME_0`, `NAME_1` and so on are draws of one, `NAME`."""
+    """Trials in which the controls `NAME_0`, `NAME_1` and so on are draws of one, `NAME`."""
     control = each.controller.str.replace(_DRAW, "", regex=True)
     has_several = each.groupby(control).controller.transform("nunique") > 1
     return each.assign(draw=each.controller, controller=each.controller.where(~has_several, control))

@@ -87,7 +87,7 @@ def _resize(figure: Figure, width_mm: float) -> None:
 
 
 def small(png: bytes) -> bytes:
-    """The same picture in 256 colours, a third of the size, for a report."""
+    """A picture in 256 colours, a third of the size, for a report."""
     buffer = io.BytesIO()
     Image.open(io.BytesIO(png)).convert("RGB").quantize(256).save(buffer, format="png", optimize=True)
     return buffer.getvalue()

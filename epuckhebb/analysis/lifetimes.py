@@ -79,7 +79,7 @@ def gather(evaluations: Sequence[Evaluated]) -> Gathered:
 
 
 def numeric(rows: pd.DataFrame) -> pd.DataFrame:
-    """The same lifetimes, with the numbers of their measures and N in place of text."""
+    """Lifetimes with numbers in place of the text of their measures and N."""
     names = [name for name in ("N", "success", *REWARDED[:1], *MEANS) if name in rows]
     return rows.assign(**{name: pd.to_numeric(rows[name]) for name in names})
 

@@ -56,7 +56,7 @@ def put_back(time: NDArray[np.float64], pose: NDArray[np.float64], scenario: Sce
 def with_gaps(
     time: NDArray[np.float64], pose: NDArray[np.float64], scenario: Scenario
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The same record with nan where the robot was put back to the start: no line is drawn there."""
+    """A record with nan where the robot was put back to the start: no line is drawn there."""
     places = put_back(time, pose, scenario)
     return np.insert(time, places, time[places]), np.insert(pose, places, np.nan, axis=0)
 

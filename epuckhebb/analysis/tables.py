@@ -34,7 +34,7 @@ class Table:
         return "".join(f"| {' | '.join(cell.replace('|', BAR) for cell in line)} |\n" for line in lines)
 
     def only(self, *columns: int, text: int = 1) -> "Table":
-        """The same with these columns alone. text: how many of them hold text."""
+        """The table with these columns alone. text: how many of them hold text."""
         rows = [[row[column] for column in columns] for row in self.rows]
         return Table([self.headings[column] for column in columns], rows, self.title, text)
 

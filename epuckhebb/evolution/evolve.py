@@ -125,7 +125,7 @@ def search_generations(
     given: Floats | None = None,
     start: Floats | None = None,
 ) -> Iterator[Generation]:
-    """The same with lifetimes in any world. evaluator: runs them."""
+    """Evolve in any world; yields one record a generation. evaluator: runs the lifetimes."""
     learns = not isinstance(rule, NoRule)
     plan = evolved_plan(network, rule, given=given is not None)
     search = Search(optimizer, plan, seed, () if after is None else after.log, start)

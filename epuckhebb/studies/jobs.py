@@ -58,7 +58,7 @@ class Outcome:
     failures: list[tuple[Job, str]]
 
     def as_json(self) -> dict[str, Any]:
-        """The same as JSON values."""
+        """What the call did, as JSON values."""
         failed = [{"run": job.run, "error": error} for job, error in self.failures]
         return {"done_before": self.before, "done_now": len(self.done) - self.before, "failed": failed}
 

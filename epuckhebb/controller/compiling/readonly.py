@@ -13,7 +13,7 @@ _TUPLE: Any = types.BaseTuple
 
 
 def readonly(value: Any) -> Any:
-    """The same array, or record of arrays, in a form that cannot be written; numba refuses to compile a store."""
+    """An array, or a record of arrays, in a form that cannot be written: numba refuses to compile a store."""
     if isinstance(value, np.ndarray):
         view = value.view()
         view.flags.writeable = False
