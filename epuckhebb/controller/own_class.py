@@ -204,6 +204,6 @@ def call_of(function: Any, names: Collection[str], how: Mapping[str, str], given
 def number_of(
     kind: type[OwnClass], function: Any, names: Collection[str], how: Mapping[str, str], given: str, numbers: str
 ) -> Any:
-    """A building block that calls a method which gives a number; its `by` is made of the settings. numbers: where these are."""
+    """A building block that calls a method which gives a number; its `by` are settings. numbers: where these are."""
     parts = {"call": call_of(function, names, how, f"{given}, by"), "By": namedtuple_of("By", kind.settings())}
     return compiled(eval(f"lambda {given}: number(call({given}, By(*{numbers})))", {**parts, "number": number}))
