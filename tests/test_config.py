@@ -77,6 +77,17 @@ def test_one_evaluation_opens_a_file_of_settings_at_most_twice():
     assert int(done.stdout.split()[-1]) <= 2
 
 
+def test_the_champions_in_a_folder_are_named(here):
+    for name in ("mine/9/champion.npz", "mine/10/champion.npz", "mine/notes/text", "mine/1.npz"):
+        file = here / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.touch()
+    assert readable(["genome=mine/*"]) == ["genome=mine/1.npz,mine/9,mine/10"]
+    assert readable([f"start={here}/mine/[1]*,latest"]) == [f"start={here}/mine/1.npz,{here}/mine/10,latest"]
+    with pytest.raises(ConfigError, match="genome=yours"):
+        readable(["genome=yours/*"])
+
+
 def test_the_champions_between_two_are_named():
     given = ["genome=reference_1,...,reference_4,mine/9,...,mine/11", "seed=1,...,3"]
     named = ["genome=reference_1,reference_2,reference_3,reference_4,mine/9,mine/10,mine/11", "seed=1,2,3"]

@@ -1,6 +1,7 @@
 """Reads the overrides of a command line as Hydra does, and writes values, and the keywords of Python, as overrides."""
 
 import functools
+import glob
 import itertools
 import math
 import re
@@ -55,7 +56,8 @@ def readable(words: Iterable[Any]) -> list[str]:
     """Overrides in which a path or a name that Hydra cannot read, as one with an umlaut, stands in quotes.
 
     A comma separates values there, too. Lists, mappings and what begins with a quote stay as they are.
-    `genome=reference_1,...,reference_20`, `genome=runs/mine/0,...,runs/mine/9` and `seed=1,...,20` get what is between.
+    `genome=reference_1,...,reference_20`, `genome=runs/mine/0,...,runs/mine/9` and `seed=1,...,20` get what is between;
+    `genome=runs/mine/*` gets all champions there.
     """
     return list(map(_readable, words))
 
@@ -65,6 +67,8 @@ def _readable(word: str) -> str:
     key, _, value = word.partition("=")
     if key in _NUMBERED:
         value = _FROM_TO.sub(_with_those_between, value)
+        if "*" in value and value[0] not in "['\"":
+            value = ",".join(quoted(path) for one in value.split(",") for path in _champions(key, one))
         word = f"{key}={value}"
     if not value or word.startswith("-") or value[0] in "[{'\"":
         return word
@@ -78,6 +82,17 @@ def _readable(word: str) -> str:
 def _with_those_between(ends: re.Match[str]) -> str:
     """`reference_1,...,reference_3` with what is between."""
     return ",".join(f"{ends[1]}{number}" for number in range(int(ends[2]), int(ends[3]) + 1))
+
+
+def _champions(key: str, pattern: str) -> list[str]:
+    """The runs with a champion, and the champions' files, whose paths are like a pattern; `10` comes after `9`."""
+    if "*" not in pattern:
+        return [pattern]
+    paths = glob.glob(pattern)  # noqa: PTH207  # a pattern may be absolute
+    found = [path for path in paths if Path(path, "champion.npz").is_file() or path.endswith((".npz", ".npy"))]
+    if not found:
+        raise ConfigError(f"{key}={pattern}: no run with a champion, and no .npz or .npy file, is there")
+    return sorted(found, key=lambda path: [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", path)])
 
 
 def check_words(command: str, words: Sequence[str], *, several: bool = False) -> None:
