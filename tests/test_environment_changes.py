@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from gymnasium.envs import mujoco as robots
 
+from epuckhebb.config.compose import load_any
+from epuckhebb.runtime import conf
 from epuckhebb.worlds.changes import Faults, apply
 
 mujoco.set_mju_user_warning(lambda _: None)  # else MuJoCo writes a file into the working folder
@@ -261,3 +263,15 @@ def test_a_number_keeps_its_type():
     assert (type(env.frame_skip), env.frame_skip) == (int, 2)
     env = changed(gymnasium.make("CartPole-v1"), {"length": np.float64(2)}).unwrapped
     assert (env.length, env.polemass_length) == (2.0, 0.2)
+
+
+ROWS = conf.table("environment")
+NAMED = [(row, change) for row, settings in ROWS.items() for change in (settings or {}).get("named", {})]
+
+
+@pytest.mark.parametrize(("row", "change"), NAMED, ids="-".join)
+def test_a_named_change_acts(row, change):
+    if row == "lunar_lander":
+        pytest.importorskip("Box2D")
+    words = [f"environment={row}", f"change={change}", "environment.horizon=1000"]
+    assert [note for note in load_any("evolve", words).world.findings.notes if "changes nothing" in note] == []
