@@ -20,6 +20,7 @@ from epuckhebb.analysis.statistics import (
     holm,
     improvement,
     interquartile_mean,
+    intervals_over,
     mean,
     performance_profile,
     permutation,
@@ -497,3 +498,8 @@ def test_the_page_of_a_report_has_no_style_but_its_own_and_columns_end_at_the_ri
     assert not re.search(r"<[^>]* style=", page)
     assert '<td>2obstacles</td>\n<td class="number">0.56 [0.36, 0.74]</td>\n<td>–</td>' in page
     assert '<th>scenario</th>\n<th class="number">share</th>' in page
+
+
+def test_a_title_says_why_there_are_no_intervals():
+    assert intervals_over("seeds", [6, 12]) == "95 % intervals over seeds"
+    assert intervals_over("seeds", [4, 12, 4]).endswith("need 6: here 4 or 12")

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from epuckhebb.analysis.statistics import bootstrap, mean
+from epuckhebb.analysis.statistics import bootstrap, intervals_over, mean
 from epuckhebb.analysis.tables import Table, plain, with_interval
 from epuckhebb.tmaze.robot import STEP_S
 
@@ -72,7 +72,8 @@ def readable(table: pd.DataFrame) -> Table:
             cells[-1] += f" ({row['n_reached']} of {row['n']})"
         rows.append([*(plain(str(row[key])) for key in settings), str(row["n"]), *cells, f"{row[cost]:.4g}"])
     headings = [*map(plain, settings), "n", *(_HEADINGS[name] for name in names), plain(cost)]
-    return Table(headings, rows, "Evolutions: means over seeds, 95 % intervals", text=len(settings))
+    title = f"Evolutions: means, {intervals_over('seeds', table.n.tolist())}"
+    return Table(headings, rows, title, text=len(settings))
 
 
 def _hours(history: pd.DataFrame, fitness: float | None) -> float:

@@ -27,6 +27,15 @@ _UNKNOWN = (math.nan, math.nan)
 Statistic = Callable[..., NDArray[np.float64]]
 
 
+def intervals_over(what: str, counts: Sequence[int]) -> str:
+    """What a title says of intervals: over what they are, and from how many cases on there are any.
+
+    counts: the cases of each row of the table.
+    """
+    numbers = " or ".join(map(str, sorted(set(counts))))
+    return f"95 % intervals over {what}" + ("" if min(counts) >= LEAST else f", which need {LEAST}: here {numbers}")
+
+
 def wilson(share: float, n: float) -> tuple[float, float]:
     """Wilson's 95 % interval of a share among n independent cases; n may be an effective number, with a fraction.
 

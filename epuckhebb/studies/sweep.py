@@ -16,6 +16,7 @@ import pandas as pd
 
 from epuckhebb.analysis import ends, environments, evolutions, summary
 from epuckhebb.analysis.lifetimes import Evaluated, Gathered, gather
+from epuckhebb.analysis.statistics import intervals_over
 from epuckhebb.analysis.tables import Table
 from epuckhebb.config import (
     EvaluateConfig,
@@ -116,8 +117,9 @@ class Sweep(Study):
         files = {name: f"{name}.csv" for name in ("summary", "over_champions", "rescue_over_all", "ends")}
         if "return" in (own := run.table("summary.csv")):
             effects = [environments.readable_effects(run.table("effects.csv"))] if run.has("effects.csv") else []
-            of = "champions" if (own.champions > 1).any() else "lifetimes of a champion"
-            return [environments.readable(own, f"Mean over {of}, with 95 % intervals"), *effects]
+            is_over_champions = (own.champions > 1).any()
+            what, counts = ("champions", own.champions) if is_over_champions else ("lifetimes", own.lifetimes)
+            return [environments.readable(own, f"Means, {intervals_over(what, counts.tolist())}"), *effects]
         if "best_fitness" in own:
             return [evolutions.readable(own)]
         return summary.readable({name: run.table(file) for name, file in files.items() if run.has(file)})
