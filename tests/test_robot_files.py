@@ -63,11 +63,11 @@ def test_the_laser_tells_touch_from_the_middle_of_a_corridor_and_reads_afar():
     [
         ("axle_m", GONE, r"robot\.axle_m is missing"),
         ("axle_mm", 52, r"robot\.axle_mm is no key of .* Did you mean axle_m\?"),
-        ("axle_m", "52 mm", r"robot\.axle_m: .*`float`.*52 mm"),
-        ("name", None, r"robot\.name: Expected `str`.*None"),
+        ("axle_m", "52 mm", r"robot\.axle_m: .*number.*52 mm"),
+        ("name", None, r"robot\.name: .*None"),
         ("light_places", [[0, 0]], r"robot\.light_places\[0\]: .* length 3, .*\[0, 0\]"),
-        ("light_places", [[0, 0, "ahead"]], r"robot\.light_places\[0\]\[2\]: .*`float`.*ahead"),
-        ("distance_places", 8, r"robot\.distance_places: Expected `array`.*8"),
+        ("light_places", [[0, 0, "ahead"]], r"robot\.light_places\[0\]\[2\]: .*number.*ahead"),
+        ("distance_places", 8, r"robot\.distance_places: .*8"),
         ("distance_curve", [[0, 1]], r"robot\.distance_curve\[0\]: .* length 3"),
     ],
 )

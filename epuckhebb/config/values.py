@@ -14,7 +14,14 @@ from epuckhebb.tmaze.sensors import CurvePoint, Place
 
 _ROWS = (Place, CurvePoint)  # records that are written as lists of numbers
 _EXPECTED = re.compile(r"Expected `(.+)`, got `.+`")  # of msgspec
-_KINDS = {"float": "a number", "int": "a whole number", "bool": "true or false", "str": "a text", "object": "settings"}
+_KINDS = {
+    "float": "a number",
+    "int": "a whole number",
+    "bool": "true or false",
+    "str": "a text",
+    "array": "a list",
+    "object": "settings",
+}
 _INFINITE = (math.inf, -math.inf)
 
 
