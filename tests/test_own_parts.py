@@ -260,15 +260,18 @@ COMPILED = {  # it takes a kernel to find these; the first is among the ordinary
            ("fitness", "step", "readings", "readings[3]"), ("change signal", "signal", "readings", "readings[0]"),
            ("change signal", "signal", "nominal", "nominal.reading_mean[0, 0]"),
            ("sensor", "read", "walls", "walls[1:][0, 0]"))},
-    **{f"reads beyond {what}": (text, kind, f"{name} reads or writes beyond the end of an array")
-       for what, name, kind, text in (
-           ("a table", "Fine", "fitness", part("fitness", method="step = staticmethod(lambda left: TABLE[100000])")
+    "raises": (part("fitness", method="@staticmethod\n    def step(left):\n        if left < 2:\n"
+                    "            raise ValueError('too far')\n        return left"), "fitness",
+               "bad.py:Fine failed in line 11: ValueError: too far"),
+    **{f"reads beyond {what}": (text, kind, "Fine failed: IndexError")
+       for what, kind, text in (
+           ("a table", "fitness", part("fitness", method="step = staticmethod(lambda left: TABLE[100000])")
             + "TABLE = np.arange(9.0)\n"),
-           ("the readings", "Fine", "fitness",
+           ("the readings", "fitness",
             part("fitness", method="step = staticmethod(lambda readings: readings[16])")),
-           ("the readings of a signal", "Fine", "change signal",
+           ("the readings of a signal", "change signal",
             part("change signal", method="signal = staticmethod(lambda readings: readings[16])")),
-           ("a table in a helper", "Fine", "fitness",
+           ("a table in a helper", "fitness",
             part("fitness", method="step = staticmethod(lambda left: helper(100000))")
             + "import numba\nTABLE = np.arange(9.0)\n@numba.njit\ndef helper(k): return TABLE[k]\n"))},
     "is no number": (part("change signal", method="signal = staticmethod(lambda time_s: np.sqrt(0.1 - time_s))"),
