@@ -9,9 +9,6 @@ from epuckhebb.runtime import end_on_signals, open_missing_streams
 
 def main() -> None:
     """The entry point of `epuckhebb`."""
-    if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
-        sys.stderr.write("Error: NUMBA_DISABLE_JIT must be unset or 0: all that runs here is compiled by numba.\n")
-        sys.exit(2)
     os.environ["MPLBACKEND"] = "agg"  # a notebook has its own there, which need not be installed here
     open_missing_streams()
     end_on_signals()

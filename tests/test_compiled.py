@@ -13,6 +13,7 @@ import pytest
 from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.config import plugins
 from epuckhebb.controller.compiling.kernel import compiled, in_module, kernel
+from epuckhebb.controller.compiling.sources import OWN_PACKAGE
 from epuckhebb.controller.network import PAPER_NETWORK, Network
 from epuckhebb.controller.plasticity.rules.oja import Oja
 from epuckhebb.controller.plasticity.rules.paper import Paper
@@ -25,7 +26,7 @@ from dataclasses import dataclass
 from enum import Enum
 import numpy as np
 from epuckhebb import Fitness
-from helper import scale
+from .helper import scale
 class Mode(Enum):
     LOW, HIGH, USED = 1.0, 5.0, 1.0
 TABLE = np.loadtxt("table.txt", ndmin=1)
@@ -45,6 +46,11 @@ def _scale(x):
 """
 
 
+def forget_own_modules():
+    for name in [name for name in sys.modules if name.startswith(OWN_PACKAGE)]:
+        del sys.modules[name]
+
+
 def call(x):
     return step(x)  # noqa: F821  # a part
 
@@ -58,7 +64,7 @@ def test_any_edit_of_a_users_files_is_compiled_anew(monkeypatch, here):
         files |= {name: files[name].replace(*change) for name, change in edit.items()}
         for name, text in files.items():
             (here / name).write_text(text)
-        monkeypatch.setattr(plugins, "_loaded", {})
+        forget_own_modules()
         mine = plugins.class_named("mine.py:Mine", Fitness, "fitness.function")
         values.append(kernel(call, (mine,), step=compiled(in_module(mine.step, __name__)))(3.0))
     assert values == [6.0, 30.0, 105.0, 205.0]
@@ -70,12 +76,12 @@ def test_an_edit_of_a_helper_in_another_folder_is_compiled_anew(monkeypatch, her
     library = tmp_path_factory.mktemp("library")
     monkeypatch.syspath_prepend(library)
     (here / "table.txt").write_text("0")
-    (here / "mine.py").write_text(FITNESS.replace("from helper", "from helper_elsewhere"))
+    (here / "mine.py").write_text(FITNESS.replace("from .helper", "from helper_elsewhere"))
     values, digests = [], []
     for factor in ("2.0", "17.0"):
         (library / "helper_elsewhere.py").write_text(HELPER.replace("2.0", factor))
         monkeypatch.delitem(sys.modules, "helper_elsewhere", raising=False)
-        monkeypatch.setattr(plugins, "_loaded", {})
+        forget_own_modules()
         importlib.invalidate_caches()
         mine = plugins.class_named("mine.py:Mine", Fitness, "fitness.function")
         values.append(kernel(call, (mine,), step=compiled(in_module(mine.step, __name__)))(3.0))

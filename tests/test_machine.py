@@ -94,10 +94,13 @@ def test_who_waits_for_a_compiler_is_told(monkeypatch, capsys):
     assert "Compiling" in capsys.readouterr().err
 
 
-def test_without_compiled_code_it_ends_with_one_message():
-    words = [sys.executable, "-m", "epuckhebb", "evaluate"]
-    ended = subprocess.run(
-        words, env={**os.environ, "NUMBA_DISABLE_JIT": "1"}, capture_output=True, text=True, check=False
-    )
+@pytest.mark.parametrize("where", ["environment", "file"])
+def test_without_compiled_code_it_ends_with_one_message(here, where):
+    words, environment = [sys.executable, "-m", "epuckhebb", "evaluate"], dict(os.environ)
+    if where == "file":
+        (here / ".numba_config.yaml").write_text("disable_jit: 1\n")
+    else:
+        environment["NUMBA_DISABLE_JIT"] = "1"
+    ended = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
     assert (ended.returncode, len(ended.stderr.splitlines())) == (2, 1)
     assert "NUMBA_DISABLE_JIT" in ended.stderr

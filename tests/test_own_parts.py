@@ -260,15 +260,18 @@ COMPILED = {  # it takes a kernel to find these; the first is among the ordinary
            ("fitness", "step", "readings", "readings[3]"), ("change signal", "signal", "readings", "readings[0]"),
            ("change signal", "signal", "nominal", "nominal.reading_mean[0, 0]"),
            ("sensor", "read", "walls", "walls[1:][0, 0]"))},
-    **{f"reads beyond {what}": (text, kind, f"{name} reads or writes beyond the end of an array")
-       for what, name, kind, text in (
-           ("a table", "Fine", "fitness", part("fitness", method="step = staticmethod(lambda left: TABLE[100000])")
+    "raises": (part("fitness", method="@staticmethod\n    def step(left):\n        if left < 2:\n"
+                    "            raise ValueError('too far')\n        return left"), "fitness",
+               "bad.py:Fine failed in line 11: ValueError: too far"),
+    **{f"reads beyond {what}": (text, kind, "Fine failed: IndexError")
+       for what, kind, text in (
+           ("a table", "fitness", part("fitness", method="step = staticmethod(lambda left: TABLE[100000])")
             + "TABLE = np.arange(9.0)\n"),
-           ("the readings", "Fine", "fitness",
+           ("the readings", "fitness",
             part("fitness", method="step = staticmethod(lambda readings: readings[16])")),
-           ("the readings of a signal", "Fine", "change signal",
+           ("the readings of a signal", "change signal",
             part("change signal", method="signal = staticmethod(lambda readings: readings[16])")),
-           ("a table in a helper", "Fine", "fitness",
+           ("a table in a helper", "fitness",
             part("fitness", method="step = staticmethod(lambda left: helper(100000))")
             + "import numba\nTABLE = np.arange(9.0)\n@numba.njit\ndef helper(k): return TABLE[k]\n"))},
     "is no number": (part("change signal", method="signal = staticmethod(lambda time_s: np.sqrt(0.1 - time_s))"),
@@ -362,7 +365,7 @@ RULE = '''\
 from dataclasses import dataclass
 
 from epuckhebb import Rule
-from helper import DECAY
+from .helper import DECAY
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -398,6 +401,10 @@ def loaded(file):
     return plugins.load(Path(file), str(file))
 
 
+def own_file(file):
+    return plugins.own_files({"part": f"{file}:Any"})[Path(file)]
+
+
 def test_helpers_of_one_name_are_kept_apart(tmp_path):
     write(tmp_path, {"a/my": RULE, "a/helper": "DECAY = 1.0\n", "b/my": RULE, "b/helper": "DECAY = 2.0\n"})
     decays = [plugins.class_named(f"{tmp_path}/{one}/my.py:oja", Rule, "hebbian.rule").decay for one in ("a", "b", "a")]
@@ -405,15 +412,27 @@ def test_helpers_of_one_name_are_kept_apart(tmp_path):
     assert "helper" not in sys.modules
 
 
+@pytest.mark.parametrize("on_path", [False, True])
+def test_a_helper_that_is_imported_without_a_dot_is_refused_with_what_to_write(tmp_path, monkeypatch, on_path):
+    """Also where Python would find it, as `python -m` does in the folder: the run would have no copy of it."""
+    if on_path:
+        monkeypatch.syspath_prepend(tmp_path)
+    name = f"helper_{on_path}"
+    write(tmp_path, {"my": RULE.replace(".helper", name), name: "DECAY = 1.0\n"})
+    with pytest.raises(ConfigError, match=rf"my=.*my\.py.* cannot be imported: .*from \. import {name}"):
+        plugins.load(tmp_path / "my.py", "my=my.py")
+    monkeypatch.delitem(sys.modules, name, raising=False)
+    write(tmp_path, {"my": RULE.replace(".helper", f".{name}")})
+    assert loaded(tmp_path / "my.py").DECAY == 1.0
+
+
 MANY = """\
-import profile
 import numpy as np
-from pkg import inner
-from . import profile as again
-assert again is profile
+from . import profile
+from .pkg import inner
 VALUES = profile.ONE, inner.THREE, np.__name__
 def late():
-    import helper
+    from . import helper
     return helper.FOUR
 """
 
@@ -427,17 +446,18 @@ def test_copies_of_all_files_of_the_folder_will_do(tmp_path):
     """Also of one with the name of a module of Python's, and of one that is imported late."""
     write(tmp_path / "here", {"my": MANY, "profile": "ONE = 1\n", "helper": "FOUR = 4\n"})
     write(tmp_path / "here", {"pkg/inner": "from . import deeper\nTHREE = deeper.THREE\n", "pkg/deeper": "THREE = 3\n"})
-    own = loaded(tmp_path / "here" / "my.py")
-    assert own.module.VALUES == (1, 3, "numpy")
-    assert own.module.late() == 4
+    module = loaded(tmp_path / "here" / "my.py")
+    assert (module.VALUES, module.late()) == ((1, 3, "numpy"), 4)
+    own = own_file(tmp_path / "here" / "my.py")
     assert sorted(own.sources) == ["helper.py", "my.py", "pkg/deeper.py", "pkg/inner.py", "profile.py"]
     for place, content in own.copies.items():
         (tmp_path / place).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / place).write_bytes(content)
     before, copy = own.digest, own.copy
     shutil.rmtree(tmp_path / "here")
-    again = loaded(tmp_path / copy)
-    assert (again.module.VALUES, again.module.late()) == ((1, 3, "numpy"), 4)
+    module = loaded(tmp_path / copy)
+    assert (module.VALUES, module.late()) == ((1, 3, "numpy"), 4)
+    again = own_file(tmp_path / copy)
     assert (again.digest, again.copy) == (before, copy)
 
 
@@ -458,7 +478,7 @@ def test_a_mistake_in_a_helper_is_reported_with_its_place(tmp_path, helper):
     with pytest.raises(ConfigError, match=r"helper\.py, line 2, cannot be imported: (Syntax|ModuleNotFound)Error"):
         loaded(tmp_path / "my.py")
     write(tmp_path, {"helper": "DECAY = 1.0\n"})
-    assert loaded(tmp_path / "my.py").module.DECAY == 1.0
+    assert loaded(tmp_path / "my.py").DECAY == 1.0
 
 
 @pytest.mark.thorough

@@ -178,7 +178,7 @@ def _function(text: Any) -> Callable[[Any], None]:
     """A change that is a function of the user's, of an environment."""
     file, _, name = str(text).rpartition(":")
     key = f"environment.changes: {FUNCTION}"
-    function: Callable[[Any], None] | None = getattr(load(path_of(file, key), key).module, name, None)
+    function: Callable[[Any], None] | None = getattr(load(path_of(file, key), key), name, None)
     if not callable(function):
         raise ConfigError(f"{key} must be FILE.py:NAME, a function of an environment, got {text}")
     return function

@@ -1,28 +1,31 @@
 """A user's own Python: `FILE.py:NAME` in a configuration, what the file imports from its folder, and copies of all.
 
-A file is loaded into a package of its own, whose folder is that of the file. So files in different folders may import
-helpers of one name, and neither gets the other's.
+A file is loaded into a package of its own, whose folder is that of the file: it imports `helper.py` beside it by `from
+. import helper`. So files in different folders may import helpers of one name, and neither gets the other's.
 """
 
-import builtins
 import copy
 import hashlib
 import importlib
-import importlib.util
 import re
 import sys
 import traceback
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
-from importlib.abc import MetaPathFinder
-from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
+from dataclasses import dataclass
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
-from types import CodeType, ModuleType
+from types import ModuleType
 from typing import Any, TypeVar
 
 from epuckhebb.config import hand
-from epuckhebb.controller.compiling.sources import OWN_PACKAGE, sources_elsewhere
+from epuckhebb.controller.compiling.sources import (
+    OWN_PACKAGE,
+    is_installed,
+    modules_in,
+    sources_elsewhere,
+    sources_in,
+)
 from epuckhebb.runtime import ConfigError, did_you_mean, path_of
 
 OWN_CODE = "own_code"  # the folder of the copies in a run folder
@@ -36,25 +39,13 @@ class OwnFile:
 
     Attributes:
         path: The file.
-        package: The name of the package that it is loaded into.
         sources: The content of it and of each file that it imports from its folder, by its place there.
         elsewhere: The content of the user's files that these use from other folders, by their paths. A run has no copy.
     """
 
     path: Path
-    package: str
-    sources: dict[str, bytes] = field(default_factory=dict)
-    elsewhere: dict[str, bytes] = field(default_factory=dict)
-
-    @property
-    def name(self) -> str:
-        """The name of the file's module, in which a dot of the file's name would mean a package."""
-        return f"{self.package}.{self.path.stem.replace('.', '_')}"
-
-    @property
-    def module(self) -> ModuleType:
-        """The module of the file."""
-        return sys.modules[self.name]
+    sources: dict[str, bytes]
+    elsewhere: dict[str, bytes]
 
     @property
     def digest(self) -> str:
@@ -77,17 +68,6 @@ class OwnFile:
         beside = {str(self.path.parent / place): source for place, source in self.sources.items()}
         return {path: _sha256(source) for path, source in {**beside, **self.elsewhere}.items()}
 
-    @property
-    def is_unchanged(self) -> bool:
-        """Whether all files are as they were loaded."""
-        with suppress(OSError):
-            return all((self.path.parent / place).read_bytes() == source for place, source in self.sources.items())
-        return False
-
-
-_loaded: dict[Path, OwnFile] = {}
-_packages: dict[str, OwnFile] = {}
-
 
 def own_references(config: Any) -> Iterator[tuple[Any, str, Path, str]]:
     """All `FILE.py:NAME` in a configuration: the mapping that holds it, its key there, the file and the name."""
@@ -101,8 +81,13 @@ def own_references(config: Any) -> Iterator[tuple[Any, str, Path, str]]:
 
 def own_files(config: Any) -> dict[Path, OwnFile]:
     """The user's files that a configuration names, as they are now, by their paths as they stand there."""
-    files = {path: load(path, str(path)) for _, _, path, _ in own_references(config)}
-    return {path: replace(own, sources=dict(own.sources)) for path, own in files.items()}
+    return {path: _own_file(path) for _, _, path, _ in own_references(config)}
+
+
+def _own_file(file: Path) -> OwnFile:
+    package, path = str(load(file, str(file)).__package__), file.resolve()
+    beside = {one.relative_to(path.parent).as_posix(): source for one, source in sources_in(package).items()}
+    return OwnFile(path, beside, sources_elsewhere(package))
 
 
 def own_sources(config: Any) -> dict[str, str]:
@@ -126,7 +111,7 @@ def with_own_copies(values: dict[str, Any], run: Path, own_code: Mapping[str, An
 def class_named(text: str, base: type[Base], key: str) -> type[Base]:
     """The subclass of a base class that `FILE.py:NAME` names. key: whose value that is, for messages."""
     file, _, name = text.rpartition(":")
-    module = load(path_of(file, key), f"{key}={text}").module
+    module = load(path_of(file, key), f"{key}={text}")
     kind = getattr(module, name, None)
     if isinstance(kind, type) and issubclass(kind, base):
         return kind
@@ -135,34 +120,66 @@ def class_named(text: str, base: type[Base], key: str) -> type[Base]:
     raise ConfigError(f"{key}={text}: it has no subclass {name} of {base.__name__}, but {hint}")
 
 
-def load(file: Path, key: str) -> OwnFile:
-    """Load a user's file, unless it and all that it imports from its folder are loaded as they are now."""
+def load(file: Path, key: str) -> ModuleType:
+    """The module of a user's file. After an edit of it, or of what it imports from its folder, it is another one.
+
+    key: names the file in messages. A file that is not there, or cannot be imported, raises a ConfigError.
+    """
     path = file.resolve()
-    if path in _loaded and _loaded[path].is_unchanged:
-        return _loaded[path]
+    package = OWN_PACKAGE + _sha256(str(path).encode())[:16]
+    name = f"{package}.{path.stem.replace('.', '_')}"  # a dot would mean a package
+    if name in sys.modules and _is_unchanged(package):
+        return sys.modules[name]
     if path.suffix != ".py" or not path.is_file():
         raise ConfigError(f"{key}: there is no Python file, FILE.py, at {file}")
-    own = OwnFile(path, "")
+    _unload(package)
     try:
-        own = OwnFile(path, OWN_PACKAGE + _sha256(str(path).encode() + path.read_bytes())[:16])
-        _unload(own.package)
-        _packages[own.package] = own
-        importlib.invalidate_caches()
-        importlib.import_module(own.name)
-        for name, module in list(sys.modules.items()):
-            if name.startswith(f"{own.package}."):
-                own.elsewhere.update(sources_elsewhere(module))
+        return _imported(path, package, name)
     except (Exception, SystemExit) as error:  # a file may even leave Python
-        _unload(own.package)
-        why = f"{type(error).__name__}: {error}".replace(f"{own.package}.", "")
+        _unload(package)
         where = f"{place}," if (place := own_place(error)) else path
-        raise ConfigError(f"{key}: {where} cannot be imported: {why}") from error
-    _loaded[path] = own
-    return own
+        why = f"{type(error).__name__}: {error}".replace(f"{package}.", "").replace(package, str(path.parent))
+        raise ConfigError(f"{key}: {where} cannot be imported: {why}{_hint(error, path.parent)}") from error
+
+
+def _imported(path: Path, package: str, name: str) -> ModuleType:
+    """The module of a file in a package that is made for it."""
+    spec = spec_from_file_location(name, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module, folder = module_from_spec(spec), ModuleType(package)
+    folder.__path__ = [str(path.parent)]
+    sys.modules |= {package: folder, name: module}
+    importlib.invalidate_caches()
+    known, is_off = set(sys.modules), sys.dont_write_bytecode
+    sys.dont_write_bytecode = True  # it would serve for a file that is edited within the same second
+    try:
+        spec.loader.exec_module(module)
+    finally:
+        sys.dont_write_bytecode = is_off
+    for other in sys.modules.keys() - known:
+        file = Path(getattr(sys.modules[other], "__file__", None) or "").resolve()
+        if file.parent == path.parent and not other.startswith(OWN_PACKAGE) and not is_installed(file):
+            raise ModuleNotFoundError(f"a run would have no copy of {file.name}", name=other)
+    sources_in(package), sources_elsewhere(package)  # noted now, before anybody edits them
+    return module
+
+
+def _hint(error: BaseException, folder: Path) -> str:
+    """What to write where a file imports one of its folder without a dot; nothing after another error."""
+    name = str(getattr(error, "name", None)).partition(".")[0]
+    is_beside = isinstance(error, ModuleNotFoundError) and any(map(Path.exists, (folder / name, folder / f"{name}.py")))
+    return f"; write `from . import {name}`" if is_beside else ""
+
+
+def _is_unchanged(package: str) -> bool:
+    with suppress(OSError):
+        return all(file.read_bytes() == source for file, source in sources_in(package).items())
+    return False
 
 
 def _unload(package: str) -> None:
-    for name in [name for name in sys.modules if name.partition(".")[0] == package]:
+    for name in modules_in(package):
         del sys.modules[name]
 
 
@@ -175,72 +192,5 @@ def own_place(error: BaseException) -> str:
     return f"{own[-1][0].f_code.co_filename}, line {own[-1][1]}" if own else ""
 
 
-class _Finder(MetaPathFinder):
-    """Finds the modules of the packages into which users' files are loaded, and notes their content."""
-
-    def find_spec(self, name: str, path: Sequence[str] | None, _target: Any = None) -> ModuleSpec | None:
-        """Where a module of such a package is."""
-        package, _, inner = name.partition(".")
-        if not package.startswith(OWN_PACKAGE):
-            return None
-        own = _packages.get(package)
-        if own is None or not inner:  # numba names packages that were loaded when it compiled; it needs nothing of them
-            spec = ModuleSpec(name, None, is_package=True)
-            spec.submodule_search_locations = [str(own.path.parent)] if own else []
-            return spec
-        is_named = name == own.name
-        found = importlib.util.spec_from_file_location(name, own.path) if is_named else PathFinder.find_spec(name, path)
-        if found is not None and found.has_location:
-            file = Path(str(found.origin))
-            own.sources[file.relative_to(own.path.parent).as_posix()] = file.read_bytes()
-            if isinstance(found.loader, SourceFileLoader):
-                found.loader = _Loader(name, str(file))
-        return found
-
-
-class _Loader(SourceFileLoader):
-    """Loads a user's file from the content that was noted, and lets it import other files of its folder."""
-
-    def get_code(self, fullname: str) -> CodeType:
-        """The code of the file as it is now; a compiled copy may be older."""
-        own = _packages[fullname.partition(".")[0]]
-        self.content = own.sources[Path(self.path).relative_to(own.path.parent).as_posix()]  # it names kernels
-        code: CodeType = self.source_to_code(self.content, self.path)
-        return code
-
-    def exec_module(self, module: ModuleType) -> None:
-        """Run it."""
-        vars(module)["__builtins__"] = {**vars(builtins), "__import__": _import_in(module.__name__.partition(".")[0])}
-        super().exec_module(module)
-
-
-def _import_in(package: str) -> Callable[..., ModuleType]:
-    """The `import` of a package's modules, which looks into its folder first."""
-
-    def import_(
-        name: str, given: Any = None, local: Any = None, fromlist: Sequence[str] | None = (), level: int = 0
-    ) -> ModuleType:
-        top = name.partition(".")[0]
-        if level or not _is_beside(top, package):
-            return builtins.__import__(name, given, local, fromlist or (), level)
-        module = importlib.import_module(f"{package}.{name}")
-        if not fromlist:
-            return sys.modules[f"{package}.{top}"]
-        return builtins.__import__(module.__name__, given, local, fromlist)
-
-    return import_
-
-
-def _is_beside(module: str, package: str) -> bool:
-    """Whether a module is in the folder of a package; a folder without code is one only if no library has its name."""
-    if module == __name__.partition(".")[0]:
-        return False
-    found = PathFinder.find_spec(module, [str(_packages[package].path.parent)])
-    return found is not None and (found.has_location or importlib.util.find_spec(module) is None)
-
-
 def _sha256(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
-
-
-sys.meta_path.insert(0, _Finder())

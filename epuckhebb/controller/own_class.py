@@ -4,7 +4,6 @@ import importlib
 import inspect
 import math
 import pkgutil
-import traceback
 from collections import namedtuple
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -19,7 +18,7 @@ from numba import TypingError, types
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from epuckhebb.controller.compiling.errors import MUST_GIVE_A_NUMBER, PartError
+from epuckhebb.controller.compiling.errors import MUST_GIVE_A_NUMBER, failed
 from epuckhebb.controller.compiling.kernel import BUILDING_BLOCK, compiled, compiled_checked, in_module
 from epuckhebb.controller.compiling.readonly import readonly
 from epuckhebb.controller.evolved import Evolved
@@ -107,10 +106,7 @@ def calling(what: str) -> Iterator[None]:
     except KeyboardInterrupt:
         raise
     except BaseException as reason:  # it may even leave Python
-        frames = traceback.extract_tb(reason.__traceback__)
-        lines = [frame.lineno for frame in frames if not Path(frame.filename).is_relative_to(_OURS)]
-        where = f" in line {lines[0]}" if lines else ""
-        raise PartError(f"{what} failed{where}: {type(reason).__name__}: {reason}") from reason
+        raise failed(what, reason) from reason
 
 
 def names_in(package: ModuleType) -> list[str]:

@@ -2,8 +2,12 @@
 
 import inspect
 import re
+import traceback
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
+
+_OURS = Path(__file__).parents[2]
 
 _LINES = 10  # of a message, at most
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")  # numba colours its messages where it can
@@ -20,14 +24,23 @@ class NotCompiledError(PartError):
     """A plasticity rule or another part cannot be compiled; the message says why."""
 
 
-def explained(parts: Sequence[Any], error: Exception) -> PartError:
-    """The error of parts of the user's that do not compile: numba's last reason for the innermost function.
+def failed(what: str, error: BaseException) -> PartError:
+    """The error of a part that raised another one: what it raised, and in which line. what: the part, in messages."""
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [frame.lineno for frame in frames if not Path(frame.filename).is_relative_to(_OURS)]
+    where = f" in line {lines[0]}" if lines else ""
+    return PartError(f"{what} failed{where}: {type(error).__name__}: {error}")
 
-    Where they were compiled, an index was beyond the end of an array.
+
+def explained(parts: Sequence[Any], error: Exception) -> PartError:
+    """The error of compiled parts of the user's: what they raised, or why they do not compile.
+
+    Then it is numba's last reason for the innermost function.
     """
     names = " or ".join(f"{part.KEY}={inspect.getsourcefile(part)}:{part.__name__}" for part in parts)
-    if isinstance(error, IndexError):
-        return PartError(f"{names} reads or writes beyond the end of an array: {error}")
+    modules = (str(frame.f_globals.get("__name__")) for frame, _ in traceback.walk_tb(error.__traceback__))
+    if not any(module.startswith("numba.") for module in modules):  # machine code raised it, and no compiler
+        return failed(names, error)
     text = _COLOUR.sub("", str(error))
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     causes = [number for number, line in enumerate(lines) if line.startswith("Rejected as")]

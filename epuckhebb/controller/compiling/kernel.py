@@ -31,8 +31,8 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": False}
 _settings: Any = numba.config
-if _settings.DISABLE_JIT:
-    raise RuntimeError("NUMBA_DISABLE_JIT is set, and without compiled code there is no physics here; unset it")
+if _settings.DISABLE_JIT:  # by the environment, or by a file `.numba_config.yaml`
+    raise OSError("NUMBA_DISABLE_JIT must be unset or 0: all that runs here is compiled by numba")
 MOST_CALLS = 16  # that are written out
 BUILDING_BLOCK: dict[str, Any] = {"forceinline": True, "pipeline_class": InlinedCompiler, **_OPTIONS}
 _building_block: Any = register_jitable(**BUILDING_BLOCK)

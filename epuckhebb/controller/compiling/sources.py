@@ -48,22 +48,33 @@ def own_code(values: object) -> str:
     """A digest of the users' files that the classes of these values are from, as far as they are known."""
     digests = []
     for package in _packages(values):
-        modules = {name: module for name, module in sorted(sys.modules.items()) if name.partition(".")[0] == package}
-        parts = (part for name, module in modules.items() for part in (name.partition(".")[2], *_content(module)))
-        elsewhere = {
-            name: content for module in modules.values() for name, content in sources_elsewhere(module).items()
-        }
-        digests.append(_digest(*parts, *(content for _, content in sorted(elsewhere.items()))))
+        beside = sources_in(package).values() if package.startswith(OWN_PACKAGE) else ()
+        held = (
+            part for name, module in modules_in(package).items() for part in (name.partition(".")[2], *_held(module))
+        )
+        digests.append(_digest(*beside, *held, *(content for _, content in sorted(sources_elsewhere(package).items()))))
     return _digest(*sorted(digests))
 
 
-def sources_elsewhere(module: ModuleType) -> dict[str, bytes]:
-    """The files of the user's that a module uses and that are neither in its package nor installed, by their paths.
+def modules_in(package: str) -> dict[str, ModuleType]:
+    """The modules of a package that are loaded, by their names, in the order of these."""
+    return {name: module for name, module in sorted(sys.modules.items()) if name.partition(".")[0] == package}
+
+
+def sources_in(package: str) -> dict[Path, bytes]:
+    """The files of a package that are loaded. Their content is that of the first time that this process asked."""
+    files = {module: getattr(module, "__file__", None) for module in modules_in(package).values()}
+    return {Path(file): _as_imported(module, Path(file)) for module, file in files.items() if file}
+
+
+def sources_elsewhere(package: str) -> dict[str, bytes]:
+    """The files of the user's that a package uses and that are neither in it nor installed, by their paths.
 
     Such as a helper on `PYTHONPATH`. Their content is that of the first time that this process asked.
     """
     sources: dict[str, bytes] = {}
-    seen, waiting = {module.__name__}, [module]
+    waiting = list(modules_in(package).values())
+    seen = {module.__name__ for module in waiting}
     while waiting:
         for value in list(vars(waiting.pop()).values()):
             name = value.__name__ if isinstance(value, ModuleType) else str(getattr(value, "__module__", None))
@@ -72,10 +83,15 @@ def sources_elsewhere(module: ModuleType) -> dict[str, bytes]:
                 continue
             seen.add(name)
             file = Path(str(used.__file__)).resolve()
-            if not any(map(file.is_relative_to, [_ROOT, *_INSTALLED])):
+            if not is_installed(file):
                 sources[str(file)] = _as_imported(used, file)
                 waiting.append(used)
     return sources
+
+
+def is_installed(file: Path) -> bool:
+    """Whether a file, an absolute path, is the program's or an installed library's."""
+    return any(map(file.is_relative_to, [_ROOT, *_INSTALLED]))
 
 
 @functools.cache
@@ -100,9 +116,8 @@ def _kinds(values: Any) -> Iterator[type]:
         yield from _kinds(value)
 
 
-def _content(module: ModuleType) -> Iterator[str | bytes]:
-    """The source of a module, and what it holds: it may come from a file of data."""
-    yield getattr(module.__loader__, "content", b"")
+def _held(module: ModuleType) -> Iterator[str | bytes]:
+    """What a module holds beside its source: it may come from a file of data."""
     for name, value in vars(module).items():
         if isinstance(value, np.ndarray):
             yield from (name, str(value.dtype), value.tobytes())
