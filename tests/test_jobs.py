@@ -10,7 +10,7 @@ from hydra.plugins.sweeper import Sweeper
 
 from epuckhebb.runs import jobs as many
 from epuckhebb.runs.jobs import Jobs, LauncherError, Task, failure_text, names_of_overrides
-from epuckhebb.runtime import ConfigError, JobFailedError, be_quiet
+from epuckhebb.runtime import ConfigError, JobFailedError, be_quiet, leaving, open_folders
 from epuckhebb.store import lock
 
 
@@ -140,3 +140,10 @@ def test_a_sweeper_that_needs_what_jobs_return_is_refused_before_any(tmp_path, m
         "out", ["evaluate", "-m", "seed=1,2", f"hydra.sweeper._target_={name}", "hydra.sweep.dir=out"], [name[20:]]
     )
     assert list(tmp_path.iterdir()) == []
+
+
+def test_an_interruption_says_what_does_the_rest():
+    with pytest.raises(KeyboardInterrupt, match="resume=mine does the rest"), leaving("resume=mine does the rest"):
+        assert [left() for left in open_folders] == ["resume=mine does the rest"]
+        raise KeyboardInterrupt("of one job")
+    assert open_folders == []

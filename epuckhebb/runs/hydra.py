@@ -49,6 +49,7 @@ from epuckhebb.runtime import (
     data_folder,
     exit_with_parent,
     is_interruption,
+    leaving,
     refusing,
     thread_count,
 )
@@ -186,8 +187,9 @@ def run_many(
         return [Task(name=name, overrides=own, path=path, result=path) for name, own, path in named]
 
     jobs = Jobs(plan)
+    again = f"epuckhebb evolve resume={folder}" if verb == "evolve" else f"the same command with {SWEEP_DIR}{folder}"
     try:
-        with locked(folder):
+        with locked(folder), leaving(f"{again} does the rest"):
             call(command, functools.partial(_job_of_hydra, command, job), [*words, "--multirun"], config_dir, jobs)
     except ConfigError:
         if before is None:

@@ -18,6 +18,7 @@ from epuckhebb.runtime.errors import (
     interruptible,
     is_interruption,
     is_of_handler,
+    leaving,
     open_folders,
     refusing,
 )

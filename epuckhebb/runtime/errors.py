@@ -85,6 +85,22 @@ def interruptible() -> Iterator[None]:
         _asked.clear()  # only now: a signal on the way out must not start the timer again
 
 
+@contextmanager
+def leaving(text: str) -> Iterator[None]:
+    """Work of which an interruption leaves what this text says."""
+
+    def left() -> str:
+        return text
+
+    open_folders.insert(0, left)
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(text) from None
+    finally:
+        open_folders.remove(left)
+
+
 def is_interruption(error: BaseException) -> bool:
     """Whether an error comes of a signal that asked this program to end."""
     return isinstance(error, KeyboardInterrupt) or (_asked.is_set() and isinstance(error, Exception))
