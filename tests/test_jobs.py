@@ -143,7 +143,8 @@ def test_a_sweeper_that_needs_what_jobs_return_is_refused_before_any(tmp_path, m
 
 
 def test_an_interruption_says_what_does_the_rest():
-    with pytest.raises(KeyboardInterrupt, match="resume=mine does the rest"), leaving("resume=mine does the rest"):
+    with leaving("resume=mine does the rest"):
         assert [left() for left in open_folders] == ["resume=mine does the rest"]
-        raise KeyboardInterrupt("of one job")
     assert open_folders == []
+    with pytest.raises(KeyboardInterrupt, match="resume=mine does the rest"), leaving("resume=mine does the rest"):
+        raise KeyboardInterrupt("of one job")
