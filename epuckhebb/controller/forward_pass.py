@@ -10,7 +10,7 @@ from itertools import pairwise
 from typing import Any
 
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.compiling.kernel import compiled, in_turn
+from epuckhebb.controller.compiling.kernel import compiled, in_turn, written
 from epuckhebb.controller.compiling.simd import WIDTH, alike, plus, read, times, write
 from epuckhebb.controller.network import GivenOutputs, Network, tanh
 from epuckhebb.controller.own_class import number_of
@@ -39,7 +39,7 @@ def forward_pass(network: Network) -> Callable[..., None]:
     functions: dict[str, Any] = {"respond": _responder(network)}
     ends = pairwise([*network.first_neuron[1:], network.neurons])
     calls = [call for begin, end in ends for call in _calls_of_group(network, begin, end, functions)]
-    take_turns = compiled(eval(f"lambda weights, activation, drive, neurons: ({', '.join(calls)},)", functions))
+    take_turns = written("weights, activation, drive, neurons", f"({', '.join(calls)},)", functions)
 
     @compiled
     def forward(weights: Floats, activation: Floats, drive: Floats, neurons: Any = None, substeps: Any = None) -> None:

@@ -19,7 +19,7 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from epuckhebb.controller.compiling.errors import MUST_GIVE_A_NUMBER, failed
-from epuckhebb.controller.compiling.kernel import BUILDING_BLOCK, compiled, compiled_checked, in_module
+from epuckhebb.controller.compiling.kernel import BUILDING_BLOCK, compiled, compiled_checked, in_module, written
 from epuckhebb.controller.compiling.readonly import readonly
 from epuckhebb.controller.evolved import Evolved
 from epuckhebb.controller.ranges import check
@@ -189,12 +189,12 @@ def call_of(function: Any, names: Collection[str], how: Mapping[str, str], given
     its state, and into no array that it is handed. names: of its arguments. how: how to make each of them. parts:
     other names in `how`.
     """
-    call = f"lambda {given}: function({', '.join(f'readonly({how[name]})' for name in names)})"
     own = not Path(function.__code__.co_filename).is_relative_to(_OURS)
-    if names := sorted(_WRITE_THROUGH.intersection(_names_in(function, set()))) if own else []:
-        raise ValueError(f"`{function.__name__}` uses {', '.join(names)}, which can write into arrays of others")
+    if writing := sorted(_WRITE_THROUGH.intersection(_names_in(function, set()))) if own else []:
+        raise ValueError(f"`{function.__name__}` uses {', '.join(writing)}, which can write into arrays of others")
     called = (compiled_checked if own else compiled)(in_module(function, __name__))
-    return compiled(eval(call, {"function": called, "readonly": readonly, "math": math, **parts}))
+    call = f"function({', '.join(f'readonly({how[name]})' for name in names)})"
+    return written(given, call, {"function": called, "readonly": readonly, "math": math, **parts})
 
 
 def number_of(
@@ -202,4 +202,4 @@ def number_of(
 ) -> Any:
     """A building block that calls a method which gives a number; its `by` are settings. numbers: where these are."""
     parts = {"call": call_of(function, names, how, f"{given}, by"), "By": namedtuple_of("By", kind.settings())}
-    return compiled(eval(f"lambda {given}: number(call({given}, By(*{numbers})))", {**parts, "number": number}))
+    return written(given, f"number(call({given}, By(*{numbers})))", {**parts, "number": number})

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.compiling.kernel import compiled, nothing
+from epuckhebb.controller.compiling.kernel import compiled, nothing, written
 from epuckhebb.controller.own_class import OwnClass, call_of, namedtuple_of, number
 from epuckhebb.controller.ranges import within
 from epuckhebb.tmaze.sensors import Kernels, SensorGroup, Surroundings
@@ -76,10 +76,10 @@ class Sensor(SensorGroup, OwnClass):
         # The calls are written out, because the values of a tuple may be of several types.
         puts = ", ".join(f"put({k}, number(values[{k}]), around, scratch, readings)" for k in range(self.count))
         own = {"put": put, "number": number}
-        parts["put_all"] = compiled(eval(f"lambda values, around, scratch, readings: ({puts},)", own))
+        parts["put_all"] = written("values, around, scratch, readings", f"({puts},)", own)
         values = "(values(around),)" if self.count == 1 else "values(around)"
-        call = f"lambda around, rays, scratch, readings: put_all({values}, around, scratch, readings)"
-        return Kernels(compiled(eval(call, parts)), nothing)
+        call = f"put_all({values}, around, scratch, readings)"
+        return Kernels(written("around, rays, scratch, readings", call, parts), nothing)
 
 
 def reading_names(groups: Sequence[SensorGroup]) -> str:

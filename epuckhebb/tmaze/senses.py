@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.compiling.kernel import compiled
+from epuckhebb.controller.compiling.kernel import compiled, written
 from epuckhebb.controller.random import noise_workspace_size
 from epuckhebb.tmaze.light import Lights
 from epuckhebb.tmaze.physics_engine import Handles, Physics
@@ -60,7 +60,7 @@ def senses(robot: Robot, physics: Physics) -> Sense:
     # The calls are written out, because each group has its own functions. All groups look before any reads: a group
     # that reads right after its look waits for memory, and sensing takes 15 to 20 % longer.
     calls = ", ".join([*put, *look, *read])
-    feel = compiled(eval(f"lambda space, x, y, cos, sin, around, rays, scratch, readings: ({calls},)", parts))
+    feel = written("space, x, y, cos, sin, around, rays, scratch, readings", f"({calls},)", parts)
 
     @compiled
     def sense(

@@ -62,6 +62,15 @@ zero: Callable[..., float] = compiled(lambda *_: 0.0)
 one: Callable[..., float] = compiled(lambda *_: 1.0)
 
 
+def written(arguments: str, expression: str, names: dict[str, Any]) -> Any:
+    """A building block that is written out as text: an expression of its arguments, and of names and their values.
+
+    So a kernel has calls whose number, or whose arguments, are known only when it is made. arguments: their names,
+    separated by commas.
+    """
+    return compiled(eval(f"lambda {arguments}: {expression}", names))
+
+
 def in_turn(function: Callable[..., None], constants: Iterable[tuple[int, ...]], arguments: str) -> Any:
     """A building block that calls another one in turn: with each of these constants, then with its own arguments.
 
@@ -72,10 +81,10 @@ def in_turn(function: Callable[..., None], constants: Iterable[tuple[int, ...]],
     rows, parts = list(constants), {"function": compiled(function)}
     if len(rows) <= MOST_CALLS:
         calls = "".join(f"function({', '.join(map(str, numbers))}, {arguments}), " for numbers in rows)
-        return compiled(eval(f"lambda {arguments}: ({calls})", parts))
+        return written(arguments, f"({calls})", parts)
     table, count = np.array(rows), len(rows)
     numbers = ", ".join(f"table[k, {place}]" for place in range(len(rows[0])))
-    call = compiled(eval(f"lambda table, k, {arguments}: function({numbers}, {arguments})", parts))
+    call = written(f"table, k, {arguments}", f"function({numbers}, {arguments})", parts)
 
     @compiled
     def loop(*given: Any) -> None:

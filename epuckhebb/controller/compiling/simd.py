@@ -60,11 +60,14 @@ def _in_kernels(result: Any, instructions: Callable[..., Any]) -> Callable[[Any]
         return result(*given), written
 
     def attach(plain: Any) -> Any:
-        # numba wants the arguments by name.
         names = ", ".join(inspect.signature(plain).parameters)
-        in_kernels = eval(f"lambda typing, {names}: typed({names})", {"typed": typed})
-        call = eval(f"lambda {names}: written({names})", {"written": _numba.extending.intrinsic(in_kernels)})
-        _numba.extending.overload(plain, jit_options=BUILDING_BLOCK)(eval(f"lambda {names}: call", {"call": call}))
+
+        def named(more: str, expression: str, value: Any = None) -> Any:  # numba wants the arguments by name
+            return eval(f"lambda {more}{names}: {expression}", {"value": value})
+
+        in_kernels = _numba.extending.intrinsic(named("typing, ", f"value({names})", typed))
+        call = named("", f"value({names})", in_kernels)
+        _numba.extending.overload(plain, jit_options=BUILDING_BLOCK)(named("", "value", call))
         return plain
 
     return attach

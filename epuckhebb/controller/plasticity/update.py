@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.compiling.kernel import compiled, in_turn, nothing, one, zero
+from epuckhebb.controller.compiling.kernel import compiled, in_turn, nothing, one, written, zero
 from epuckhebb.controller.compiling.simd import WIDTH, alike, read, times, write
 from epuckhebb.controller.forward_pass import forward_pass
 from epuckhebb.controller.network import Network, by_layer, tanh
@@ -256,10 +256,10 @@ def update_of(rule: type[Rule], network: Network, schedule: Schedule = EVERY_STE
     }
     given = "k, weights, synapse_state, genotype, alike, now, room, by"
     call = call_of(rule.synapse, names, how, given)
-    direction = compiled(eval(f"lambda {given}: number(call({given}))", {"number": number, "call": call}))
+    direction = written(given, f"number(call({given}))", {"number": number, "call": call})
     # Coefficients that all synapses share are read once.
     read = "".join(f"coefficients[{row}, 0], " for row in range(len(evolved))) if alike and evolved else "0.0,"
-    read_alike = compiled(eval(f"lambda coefficients: ({read})"))
+    read_alike = written("coefficients", f"({read})", {})
     fill_pre = _filled(network, PRE) if "pre" in names else nothing
     fill_post = _filled(network, POST) if "post" in names else nothing
     fill_correlation = _filled(network, CORRELATION) if "correlation" in names else nothing
