@@ -19,7 +19,7 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.adaptation.adaptation import NONE, Adaptation
-from epuckhebb.config.schema import OPEN, SCHEMAS
+from epuckhebb.config.schema import OPEN, SCHEMAS, literal
 from epuckhebb.controller.own_class import OwnClass
 from epuckhebb.runtime import ConfigError, conf, data_folder, did_you_mean
 from epuckhebb.runtime.yaml_file import check_numbers
@@ -151,9 +151,10 @@ def values_of(words: Iterable[str]) -> dict[str, Any]:
 
 
 def quoted(text: str) -> str:
-    """A text as the value of an override that means just this text."""
+    """A text as the value of an override that means just this text: a `${` in it refers to nothing."""
     if _PLAIN.fullmatch(text):
         return text
+    text = literal(text)
     escaped = re.sub(r'(\\*)("|$)', lambda found: 2 * found[1] + found[2].replace('"', '\\"'), text)
     return f'"{escaped}"'
 

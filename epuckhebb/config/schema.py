@@ -6,6 +6,7 @@ that a user can bring (a rule, a maze, a robot) are open here, and checked when 
 """
 
 import functools
+import re
 from dataclasses import MISSING, Field, dataclass, field, fields, make_dataclass
 from enum import Enum
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
@@ -258,9 +259,18 @@ def typed(cfg: DictConfig, schema: type[Config]) -> Config:
 def from_values(values: Plain, schema: type[Config], source: str) -> Config:
     """The configuration of plain values, all names among them. source: where they come from, for messages."""
     with refusing(lambda error: f"{source} cannot be used: {explain(error)}", Exception):  # damaged ones may raise any
-        cfg = OmegaConf.merge(_keys_of(cast(Any, schema)), values)
+        cfg = OmegaConf.merge(_keys_of(cast(Any, schema)), literal(values) if "${" in str(values) else values)
         assert isinstance(cfg, DictConfig)
     return typed(cfg, schema)
+
+
+def literal(value: Any) -> Any:
+    """Plain values in which OmegaConf takes a `${` to the letter: nothing in them is left to be resolved."""
+    if isinstance(value, str):
+        return re.sub(r"(\\*)\$\{", lambda found: 2 * found[1] + "\\${", value)
+    if isinstance(value, dict):
+        return {key: literal(inner) for key, inner in value.items()}
+    return [literal(inner) for inner in value] if isinstance(value, list) else value
 
 
 def value_as_declared(key: str, value: Any, command: str) -> Any:

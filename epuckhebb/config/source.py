@@ -6,7 +6,7 @@ A choice is a file of its group's folder, or a row of the group's table. A file 
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 from hydra.core.object_type import ObjectType
 from hydra.plugins.config_source import ConfigResult, ConfigSource
@@ -101,7 +101,8 @@ def merge(settings: dict[str, Any], others: Mapping[str, Any]) -> None:
 
 def folders_of(runtime: Any) -> list[Path]:
     """The folders in which Hydra looks for choices, in turn, from what it notes of a composition."""
-    return [Path(source.path) for source in runtime.config_sources if source.schema in ("file", Choices.scheme())]
+    sources = OmegaConf.to_container(runtime.config_sources, resolve=False)  # a `${` in a folder's name is only that
+    return [Path(one["path"]) for one in cast(Any, sources) if one["schema"] in ("file", Choices.scheme())]
 
 
 class Choices(ConfigSource):
