@@ -284,7 +284,7 @@ def _evaluation(world, seed, repeats, *words):
 def _shares(genome, world, seed, repeats, *words):
     """The share of lifetimes that succeed: a row for each controller, a column for each side."""
     prepared = prepare_evaluation(_evaluation(world, seed, repeats, *words), genome)
-    rows, _ = prepared.run(prepared.remember(1), 1)
+    rows, _ = prepared.run(1)
     return pd.DataFrame(rows).groupby(["controller", "side"], sort=False).success.mean().unstack()
 
 

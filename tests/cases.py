@@ -12,8 +12,12 @@ from typer.testing import CliRunner
 
 from epuckhebb.cli.commands import app
 from epuckhebb.config import EvaluateConfig, load
+from epuckhebb.controller.network import PAPER_NETWORK
+from epuckhebb.evolution.evolve import MazeEvaluator, evolve
+from epuckhebb.evolution.training import UNVARIED
 from epuckhebb.runtime import conf
 from epuckhebb.runtime.errors import USAGE
+from epuckhebb.tmaze.individual import GA_ALONE
 
 COLUMNS = Path(__file__).parents[1] / "epuckhebb" / "store" / "columns.yaml"
 SHORT = ["lifetime.duration_s=2", "repeats=1"]
@@ -35,6 +39,15 @@ def done(*words):
     result = call(*words)
     assert result.exit_code == 0, (words, result.output)
     return result
+
+
+def evolve_in_maze(optimizer, scenario, lifetime, seed, threads=1, after=None, **more):
+    """The generations of an evolution in the maze. more: training, network, controller, origin; given, start."""
+    training, network = more.pop("training", UNVARIED), more.pop("network", PAPER_NETWORK)
+    controller, origin = more.pop("controller", GA_ALONE), more.pop("origin", None)
+    maze = MazeEvaluator(optimizer, scenario, lifetime, training, seed, network, controller, threads, origin)
+    generations, _ = optimizer.schedule(training, lifetime)
+    return evolve(optimizer, maze, generations, seed, after, network=network, rule=controller.rule, **more)
 
 
 def refused(*words):

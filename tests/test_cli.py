@@ -245,7 +245,7 @@ def test_an_error_that_a_library_makes_of_an_interruption_is_one(monkeypatch):
         finally:
             raise AttributeError("'NoneType' object has no attribute '_invalidate_flags_cache'")
 
-    monkeypatch.setattr("epuckhebb.runs.evaluate.evaluate", spoilt)
+    monkeypatch.setattr("epuckhebb.runs.maze.evaluate", spoilt)
     result = call("evaluate", "hydra.run.dir=run", "lifetime.record_every=0")
     assert result.exit_code == 130, result.output
     assert "interrupted" in result.stderr

@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from cases import evolve_in_maze
 
 from epuckhebb.analysis.evaluate import COLUMNS, evaluate
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, typed
-from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.search import Search
 from epuckhebb.store.genome import load_genome
 from epuckhebb.store.provenance import SCIENCE
@@ -123,7 +123,7 @@ def test_lifetimes_of_many_trials_have_the_same_bits(bits):
 def test_an_evolution_has_the_same_bits(overrides, bits):
     small = ["ga.population=8", "ga.generations=3", "ga.elites=2", "ga.loops=1", "lifetime.duration_s=20", "seed=5"]
     asked = typed(composed("evolve", [*overrides, *small]), EvolveConfig)
-    *_, last = evolve(asked.ga, asked.world, asked.lifetime, asked.seed, threads=2)
+    *_, last = evolve_in_maze(asked.ga, asked.world, asked.lifetime, asked.seed, threads=2)
     following = Search(asked.ga, asked.plan, asked.seed, last.log).ask()
     told = [digest(part) for part in (following, last.fitness, last.champion)]
     bits(f"evolution_{overrides[0].partition('=')[2]}", told)

@@ -24,9 +24,9 @@ from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.plasticity.rule import Normalise
 from epuckhebb.controller.plasticity.rules.abcd import ABCD
 from epuckhebb.controller.random import Stream, rng
-from epuckhebb.runs.environments import Work, run_lifetimes
+from epuckhebb.runs.gymnasium import Work, run_lifetimes
 from epuckhebb.runtime import ConfigError
-from epuckhebb.store import Run
+from epuckhebb.store import Run, load_genome
 from epuckhebb.worlds.changes import CHANGES, Faults, apply
 from epuckhebb.worlds.environment import Environment, Lived, World
 
@@ -98,7 +98,7 @@ def test_a_resumed_evolution_is_bit_identical(own, tmp_path, monkeypatch):
 
 @pytest.mark.thorough
 def test_lifetimes_are_bit_identical_in_processes_and_in_a_used_environment(monkeypatch):
-    monkeypatch.setattr("epuckhebb.runs.environments._WORTH_S", 0.0)
+    monkeypatch.setattr("epuckhebb.runs.gymnasium._WORTH_S", 0.0)
     config = load_any(
         "evolve", [*ROOM, "environment.changes=[{at: 20, function: 'FILE:turn_round'}]".replace("FILE", str(EXAMPLE))]
     )
@@ -130,7 +130,7 @@ class Keeps(Room):
 @pytest.mark.thorough
 def test_lifetimes_do_not_depend_on_those_before_them(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("epuckhebb.runs.environments._WORTH_S", 0.0)
+    monkeypatch.setattr("epuckhebb.runs.gymnasium._WORTH_S", 0.0)
     Path("thermostat.py").write_text(EXAMPLE.read_text())
     Path("own.py").write_text(KEEPS)
     config = load_any("evolve", ["environment=own.py:Keeps", *ROOM[1:]])
@@ -161,6 +161,39 @@ def test_show_figure_and_replay_know_an_environment():
     assert frames[0] == (255, 255, 255)
     assert frames[-1] == pytest.approx((213, 94, 0), abs=2)  # after the change
     refused("replay", "tested", "--output", "page.html")
+
+
+@pytest.mark.usefixtures("runs")
+def test_compared_controllers_run_the_lifetimes_of_a_run_of_their_own():
+    few = ["repeats=2", "figures=none"]
+    slow = "compare.slow={N: 0.01, sign: anti}"
+    done("evaluate", "genome=abcd", *few, slow, "hydra.run.dir=compared")
+    done("evaluate", "genome=plain", *few, "compare=[oja]", "hydra.run.dir=by_name")
+    done("evaluate", "genome=abcd", *few, "hebbian.N=0.01", "hebbian.sign=anti", "hydra.run.dir=slow")
+    done("evaluate", "genome=plain", *few, "hebbian=oja", "hydra.run.dir=oja")
+    for compared, name, alone, own in (("compared", "slow", "slow", "abcd"), ("by_name", "oja", "oja", "oja")):
+        ours, theirs = pd.read_csv(f"{compared}/metrics.csv"), pd.read_csv(f"{alone}/metrics.csv")
+        ours, theirs = ours[ours.controller == name], theirs[theirs.controller == own]
+        assert len(ours) == 2
+        assert (ours.weight_change_mean > 0).all()
+        columns = [column for column in ours if column != "controller"]
+        pd.testing.assert_frame_equal(ours[columns].reset_index(drop=True), theirs[columns].reset_index(drop=True))
+    for words in (["compare=[late]"], ["compare.x={rule: oja, signal: behaviour}"], ["compare.abcd={N: 0.01}"]):
+        refused("evaluate", "genome=abcd", *words)
+
+
+@pytest.mark.usefixtures("runs")
+def test_an_evolution_begins_at_a_champion_or_evolves_a_rule_for_its_weights():
+    done("evolve", *CARTPOLE, "start=plain", "optimizer.sigma=1e-9", "hydra.run.dir=begun")
+    plain, begun = load_genome("plain", ""), load_genome("begun", "")
+    assert plain.sha256 in begun.start
+    np.testing.assert_allclose(begun.genes, plain.genes, atol=1e-6)
+    done("evolve", *CARTPOLE, "genome=plain", "hebbian=modulated", "hydra.run.dir=given")
+    given = load_genome("given", "")
+    np.testing.assert_array_equal(given.network_genes, plain.genes)
+    assert len(given.genes) > len(plain.genes)
+    assert "bit-identical" in done("rerun", "given").stdout
+    refused("evolve", "environment=acrobot", "start=plain")
 
 
 @pytest.mark.usefixtures("runs")

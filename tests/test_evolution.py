@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from cases import evolve_in_maze
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -10,7 +11,7 @@ from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import PAPER_NETWORK, Network
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.plasticity.rules.paper import Paper
-from epuckhebb.evolution.evolve import evolve, history_row
+from epuckhebb.evolution.evolve import history_row
 from epuckhebb.evolution.optimizer import initial
 from epuckhebb.evolution.optimizers.ga import GA, Crossover, Selection, crossover, mutate, next_generation, select
 from epuckhebb.tmaze.individual import GA_ALONE, Controller
@@ -88,7 +89,7 @@ def test_as_coded_clones_three_slots_in_ten():
 
 def test_best_fitness_never_falls_without_noise():
     quiet = Lifetime(duration_s=6, gain_rad_s=4, noise=0)
-    best = [generation.fitness.max() for generation in evolve(TINY, Scenario(), quiet, seed=3)]
+    best = [generation.fitness.max() for generation in evolve_in_maze(TINY, Scenario(), quiet, seed=3)]
     assert best == sorted(best)
     assert best[-1] > best[0]
 
@@ -98,27 +99,27 @@ def test_controllers_that_learn_and_other_networks_evolve_too():
     network = Network((16, 10, 6, 2))
     learning = Controller(name="x", rule=Paper(N=0.01, sign=Sign.shuffled))
     plain, learnt = (
-        list(evolve(TINY, Scenario(), SHORT, seed=5, network=network, controller=controller))
+        list(evolve_in_maze(TINY, Scenario(), SHORT, seed=5, network=network, controller=controller))
         for controller in (GA_ALONE, learning)
     )
     assert plain[-1].champion.shape == (network.synapses,)
     np.testing.assert_array_equal(plain[0].champion.shape, learnt[0].champion.shape)
     assert (plain[0].fitness != learnt[0].fitness).any()
     with pytest.raises(ValueError, match=r"network\.layers must begin with 16"):
-        next(evolve(TINY, Scenario(), SHORT, seed=5, network=Network((4, 2))))
+        next(evolve_in_maze(TINY, Scenario(), SHORT, seed=5, network=Network((4, 2))))
 
 
 def test_starts_vary_only_when_asked_to():
     one = GA(population=1, generations=1, elites=0, loops=1)
     noisy = GA(population=1, generations=1, elites=0, loops=1, start_noise=1.0)
     quiet = Lifetime(duration_s=6, gain_rad_s=4, noise=0)
-    still, moved = (next(evolve(ga, Scenario(), quiet, seed=1)).fitness[0] for ga in (one, noisy))
+    still, moved = (next(evolve_in_maze(ga, Scenario(), quiet, seed=1)).fitness[0] for ga in (one, noisy))
     assert still != moved
-    assert still == next(evolve(one, Scenario(), quiet, seed=1)).fitness[0]
+    assert still == next(evolve_in_maze(one, Scenario(), quiet, seed=1)).fitness[0]
 
 
 def test_history_of_a_tiny_evolution(golden):
-    history = [history_row(g) for g in evolve(TINY, Scenario(), SHORT, seed=7)]
+    history = [history_row(g) for g in evolve_in_maze(TINY, Scenario(), SHORT, seed=7)]
     golden("evolution.csv", pd.DataFrame(history).round(9).to_csv(index=False))
 
 

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from cases import contents, described_columns, done, refused
+from cases import contents, described_columns, done, evolve_in_maze, refused
 
 import epuckhebb
 from epuckhebb.analysis.evolutions import readable, summary
@@ -95,7 +95,7 @@ def test_worlds_come_in_turn_and_are_rehearsed():
     loops = Training(rehearsal=1).worlds(OTHER, SHORT, 3, 1, 0, ORIGIN)
     assert [world.scenario for world in loops] == [OTHER, OTHER, ORIGIN]
     assert Training(rehearsal=1).loops == 2
-    origin = prepare_evolution(load(EvolveConfig, ["scenario=lowlight", "training=seasons"])).origin
+    origin = prepare_evolution(load(EvolveConfig, ["scenario=lowlight", "training=seasons"])).world.origin
     assert (origin.light, origin.name) == (1.0, "highlight")
 
 
@@ -110,7 +110,7 @@ def test_the_limits_of_a_season():
         assert varied.worlds(OTHER, SHORT, 2, 1, number, ORIGIN) == drawn.worlds(about, SHORT, 2, 1, number)
     ga = GA(population=4, elites=1, loops=1, generations=2)
     never, long = (
-        list(evolution.evolve(ga, OTHER, SHORT, 3, training=training, origin=ORIGIN))
+        list(evolve_in_maze(ga, OTHER, SHORT, 3, training=training, origin=ORIGIN))
         for training in (UNVARIED, Training(season=2))
     )
     assert all((one.fitness == other.fitness).all() for one, other in zip(never, long, strict=True))
@@ -155,7 +155,7 @@ def test_children_inherit_what_was_learnt():
     rule = Controller(name="Hebbian", rule=Paper(N=0.01))
     learns = {"lifetime": SHORT, "seed": 3, "controller": rule, "training": Training(lamarckian=True)}
     ga = GA(population=2, elites=2, loops=1, generations=2, gene_limit=0.9)
-    first, last = evolution.evolve(ga, Scenario(), **learns)
+    first, last = evolve_in_maze(ga, Scenario(), **learns)
     learnt = first.log[0].measures[LEARNT]
     assert learnt.shape == (2, 234)
     search = Search(ga, load(EvolveConfig, []).plan, 3)
@@ -164,7 +164,7 @@ def test_children_inherit_what_was_learnt():
     search.tell(*first.log[0][1:])
     best = np.argsort(-first.fitness)
     np.testing.assert_array_equal(search.ask(), np.clip(learnt, -0.9, 0.9)[best])
-    (resumed,) = evolution.evolve(ga, Scenario(), after=first, **learns)
+    (resumed,) = evolve_in_maze(ga, Scenario(), after=first, **learns)
     assert (resumed.fitness == last.fitness).all()
 
 
@@ -187,8 +187,8 @@ def test_the_baldwin_effect_of_hinton_and_nowlan(monkeypatch):
     monkeypatch.setattr(evolution, "run_lifetimes", needle)
     ga = GA(population=1000, elites=0, loops=1, generations=13, mutation_rate=0.0, tournament=20)
     learns = {"controller": Controller(name="Hebbian", rule=Paper(N=0.1)), "training": Training(rule_off=True)}
-    learning = list(evolution.evolve(ga, Scenario(), SHORT, 2, **learns))
-    instinct = list(evolution.evolve(ga, Scenario(), SHORT, 2))
+    learning = list(evolve_in_maze(ga, Scenario(), SHORT, 2, **learns))
+    instinct = list(evolve_in_maze(ga, Scenario(), SHORT, 2))
     assert max(one.fitness.max() for one in instinct) == 1  # a needle in a haystack: nobody finds it
     middle = next(one for one in learning if one.fitness.mean() > 5)
     assert (learning[0].again[1], middle.again[1]) == (1, 1)  # learnt first,

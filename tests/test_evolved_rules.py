@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from cases import done, first_of, refused
+from cases import done, evolve_in_maze, first_of, refused
 
 import epuckhebb
 from epuckhebb.analysis.evaluate import individuals_for
@@ -25,7 +25,6 @@ from epuckhebb.controller.plasticity.rules.modulated import Modulated
 from epuckhebb.controller.plasticity.rules.online import Online
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.controller.plasticity.update import StepContext, initial_lengths, modulation_of, update_of, workspace_for
-from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.optimizer import initial
 from epuckhebb.evolution.optimizers import ga as ga_module
 from epuckhebb.evolution.optimizers.ga import GA
@@ -192,7 +191,7 @@ def test_initial_weights_can_be_drawn_for_each_lifetime(run_lifetime):
 
 def evolved_by(ga, rule, **more):
     short, controller = Lifetime(duration_s=2, gain_rad_s=4), Controller(name="own", rule=rule)
-    return list(evolve(ga, Scenario(), short, seed=2, controller=controller, **more))
+    return list(evolve_in_maze(ga, Scenario(), short, seed=2, controller=controller, **more))
 
 
 def test_learners_get_the_same_noise_and_their_champion_is_confirmed(monkeypatch):

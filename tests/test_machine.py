@@ -13,7 +13,7 @@ from cases import SHORT, refused
 from joblib import cpu_count
 
 from epuckhebb.controller.network import PAPER_NETWORK
-from epuckhebb.runs import evaluate
+from epuckhebb.runs import maze
 from epuckhebb.runtime import progress
 from epuckhebb.runtime.errors import USAGE, ConfigError
 from epuckhebb.runtime.resources import path_of, thread_count
@@ -89,8 +89,8 @@ def test_a_reader_that_stops_does_not_stop_the_work():
 
 def test_who_waits_for_a_compiler_is_told(monkeypatch, capsys):
     monkeypatch.setattr(progress, "_SLOW_S", 0.0)
-    monkeypatch.setattr(evaluate, "load_kernel", lambda *_, **__: time.sleep(0.3))
-    evaluate.compile_for([], PAPER_NETWORK, Scenario())
+    monkeypatch.setattr(maze, "load_kernel", lambda *_, **__: time.sleep(0.3))
+    maze.compile_for([], PAPER_NETWORK, Scenario())
     assert "Compiling" in capsys.readouterr().err
 
 

@@ -21,7 +21,7 @@ from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.store import Run
 from epuckhebb.store.genome import load_genome
 from epuckhebb.studies import leaderboard
-from epuckhebb.studies.champions import evaluation_named
+from epuckhebb.studies.champions import evaluation_named, in_world_of
 from epuckhebb.tmaze import libode
 from epuckhebb.tmaze.batch import run_lifetimes
 from epuckhebb.tmaze.individual import Individual
@@ -207,7 +207,7 @@ def test_a_test_world_of_a_study_has_its_own_physics_or_that_of_the_study(tmp_pa
         (of_plane, "base+mine", "ode"),
     ):
         other = evaluation_named(name, str(tmp_path))
-        there = prepare_evaluation(load(EvaluateConfig, words)).in_world_of(other).config
+        there = in_world_of(prepare_evaluation(load(EvaluateConfig, words)), other).config
         scenario, *changes = name.split("+")
         alone = load(EvaluateConfig, [f"scenario={scenario}", f"change={changes}", *words], str(tmp_path))
         assert there.world.physics.name == alone.world.physics.name
@@ -248,5 +248,5 @@ def test_an_adaptation_is_added_in_three_dimensions_to_what_a_champion_knows_of_
     assert asked.world.name == "base_3d"
     assert training_world(asked).physics.name == "pymunk"
     prepared = prepare_evaluation(asked)
-    rows, _ = prepared.run(prepared.remember(1), 1)
+    rows, _ = prepared.run(1)
     assert {row["controller"] for row in rows} == {"GA", "wall_following"}

@@ -4,13 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cases import call, done, refused
+from cases import call, done, evolve_in_maze, refused
 
 import epuckhebb
 from epuckhebb.config.build import optimizer_from
 from epuckhebb.config.parts import KINDS
 from epuckhebb.controller.genome import GenomePlan, Part
-from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.evolution.optimizers.open_es import OpenEs
 from epuckhebb.evolution.optimizers.sep_cma_es import SepCmaEs
@@ -232,8 +231,8 @@ def test_sep_cma_es_takes_as_many_robot_steps_as_the_paper(training, generations
 def test_an_evolution_can_be_stopped_anywhere(name):
     settings = {"training": Training(gain_rad_s=[3.0, 6.0], start_noise=1.0), "seed": 5}
     life = Lifetime(duration_s=3, gain_rad_s=4)
-    whole = list(evolve(SMALL[name], Scenario(), life, **settings))
-    resumed = list(evolve(SMALL[name], Scenario(), life, after=whole[1], threads=2, **settings))
+    whole = list(evolve_in_maze(SMALL[name], Scenario(), life, **settings))
+    resumed = list(evolve_in_maze(SMALL[name], Scenario(), life, after=whole[1], threads=2, **settings))
     assert [one.fitness.size for one in whole] == ([6, 6, 6, 6] if name == "ga" else [5, 4, 4, 4])
     for one, other in zip(whole[2:], resumed, strict=True):
         assert one.fitness.tobytes() == other.fitness.tobytes()

@@ -7,13 +7,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from cases import SHORT, call, contents, done, refused, refused_before, runs_of
+from cases import SHORT, call, contents, done, evolve_in_maze, refused, refused_before, runs_of
 
 from epuckhebb.config.parts import part_class
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import PAPER_NETWORK
 from epuckhebb.controller.random import Stream, key
-from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.search import Search
 from epuckhebb.store.run import Run
 from epuckhebb.tmaze.batch import run_lifetimes
@@ -109,7 +108,7 @@ class Climber(Optimizer):
 @pytest.mark.usefixtures("here")
 def test_it_is_told_how_each_lifetime_ended_and_its_candidate_is_confirmed():
     life = Lifetime(duration_s=6, gain_rad_s=4)
-    *_, last = evolve(climber(loops=2), Scenario(), life, seed=5)
+    *_, last = evolve_in_maze(climber(loops=2), Scenario(), life, seed=5)
     search = Search(climber(loops=2), PLAN, 5, last.log)
     for number, (asked, x, success, fitness) in enumerate(search._optimizer.told):
         assert x.shape == success.shape == (3, 2, 2)

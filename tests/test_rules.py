@@ -6,13 +6,13 @@ from typing import ClassVar
 import numpy as np
 import pytest
 import reference
+from cases import evolve_in_maze
 
 from epuckhebb.config.parts import part_class
 from epuckhebb.controller.evolved import Evolved
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import Network, by_layer
 from epuckhebb.controller.plasticity.rule import Rule, coefficients
-from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.optimizer import initial
 from epuckhebb.evolution.optimizers.ga import GA, next_generation
 from epuckhebb.tmaze.individual import Controller
@@ -116,8 +116,10 @@ def test_evolved_parameters_are_spread_over_the_synapses():
 
 def test_a_rule_with_parameters_evolves():
     ga, short = GA(population=4, generations=3, elites=1, loops=1), Lifetime(duration_s=6, gain_rad_s=4)
-    whole = list(evolve(ga, Scenario(), short, seed=2, network=SMALL, controller=CONTROLLER))
-    again = list(evolve(ga, Scenario(), short, seed=2, threads=2, after=whole[0], network=SMALL, controller=CONTROLLER))
+    whole = list(evolve_in_maze(ga, Scenario(), short, seed=2, network=SMALL, controller=CONTROLLER))
+    again = list(
+        evolve_in_maze(ga, Scenario(), short, seed=2, threads=2, after=whole[0], network=SMALL, controller=CONTROLLER)
+    )
     assert whole[-1].champion.shape == (PLAN.genes,)
     for one, other in zip(whole[1:], again, strict=True):
         assert one.log[-1].digest == other.log[-1].digest

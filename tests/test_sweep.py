@@ -17,8 +17,7 @@ from omegaconf import OmegaConf
 
 from epuckhebb.config import alternatives, compose, readable, value_of
 from epuckhebb.config.schema import EvaluateConfig, value_as_declared
-from epuckhebb.runs import evaluate as runs_evaluate
-from epuckhebb.runs import hydra
+from epuckhebb.runs import hydra, maze
 from epuckhebb.runtime import ConfigError
 from epuckhebb.runtime.conf import groups
 from epuckhebb.runtime.resources import data_folder
@@ -48,14 +47,14 @@ def read_tables(folder):
 @pytest.fixture
 def failing(monkeypatch):
     """Make the evaluations of the scenario base fail, in this process."""
-    evaluate = runs_evaluate.evaluate
+    evaluate = maze.evaluate
 
     def fail(genes, scenario, *others, **more):
         if scenario.name == "base":
             raise ArithmeticError("the robot is lost")
         return evaluate(genes, scenario, *others, **more)
 
-    monkeypatch.setattr(runs_evaluate, "evaluate", fail)
+    monkeypatch.setattr(maze, "evaluate", fail)
 
 
 SWEEPS = [name for name in groups("sweep")["experiment"] if name != "legs"]  # its champions come of a plan
@@ -178,7 +177,7 @@ def test_another_genome_or_another_science_is_done_anew(here, monkeypatch):
 
 def test_each_job_has_its_own_reason(here, monkeypatch):
     """One fails in its run, and one before it has one."""
-    evaluate, work = runs_evaluate.evaluate, sweep.Sweep.work
+    evaluate, work = maze.evaluate, sweep.Sweep.work
 
     def fail(genes, scenario, *others, **more):
         if scenario.name == "2obstacles":
@@ -190,7 +189,7 @@ def test_each_job_has_its_own_reason(here, monkeypatch):
             raise ConfigError("the table is empty")
         work(path, job, facts)
 
-    monkeypatch.setattr(runs_evaluate, "evaluate", fail)
+    monkeypatch.setattr(maze, "evaluate", fail)
     monkeypatch.setattr(sweep.Sweep, "work", staticmethod(refuse))
     words = ["sweep", "obstacles", "scenario=base,2obstacles,4obstacles", *FAST, "hydra/launcher=basic"]
     assert call(*words).exit_code == 1
@@ -230,16 +229,16 @@ def test_a_full_disk_spoils_no_earlier_result(here, small_files, monkeypatch):
     words = ["sweep", "obstacles", "scenario=base", *FAST, "hydra/launcher=basic", "hydra.sweep.dir=out"]
     done(*words, "seed=1")
     before = {file: file.read_bytes() for file in (here / "out").glob("job_*/*") if file.is_file()}
-    evaluate = runs_evaluate.evaluate
+    evaluate = maze.evaluate
     with small_files() as limit:
-        monkeypatch.setattr(runs_evaluate, "evaluate", lambda *words, **more: limit(100) or evaluate(*words, **more))
+        monkeypatch.setattr(maze, "evaluate", lambda *words, **more: limit(100) or evaluate(*words, **more))
         result = call(*words, "seed=1,2")
     assert result.exit_code in (1, 2), result.output
     assert "File too large" in result.stderr
     assert "Traceback" not in result.output
     assert {file: file.read_bytes() for file in before} == before
     assert list((here / "out").rglob(".*.tmp")) == []
-    monkeypatch.setattr(runs_evaluate, "evaluate", evaluate)
+    monkeypatch.setattr(maze, "evaluate", evaluate)
     result = done(*words, "seed=1,2")
     assert "1 done before, 1 to do" in result.stderr
 

@@ -4,10 +4,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from cases import evolve_in_maze
 
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvolveConfig, typed
-from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.optimizer import Algorithm, Schedule
 from epuckhebb.evolution.training import UNVARIED, Training
 from epuckhebb.tmaze.life import Lifetime
@@ -58,7 +58,7 @@ class Alike(Unmoved):
 
 
 def evolved(optimizer, lifetime=FAST, **more):
-    return next(evolve(optimizer, Scenario(), lifetime, seed=1, **more))
+    return next(evolve_in_maze(optimizer, Scenario(), lifetime, seed=1, **more))
 
 
 def test_at_home_all_is_as_it_is():

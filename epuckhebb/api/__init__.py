@@ -31,7 +31,7 @@ from epuckhebb.config import load as load_config
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.plasticity.rule import NoRule, Rule
 from epuckhebb.evolution.evolve import history_row
-from epuckhebb.runs import as_evolved, compile_for, evolved, prepare_evaluation, prepare_evolution, settings_but_seed
+from epuckhebb.runs import as_evolved, evolved, prepare_evaluation, prepare_evolution, settings_but_seed
 from epuckhebb.runtime import ConfigError, bar, be_quiet, say, thread_count
 from epuckhebb.store import Genome, checked_genes, load_genome, resolve_run
 
@@ -101,9 +101,8 @@ def evaluate(
             genes=array, name="genome", network=network, robot=robot.name, lights=robot.light.count, plan=plan
         )
     prepared = prepare_evaluation(config, loaded)
-    compile_for(config.controllers, prepared.genome.network, config.world)
-    threads = thread_count(config.threads)
-    rows, recorded = prepared.run(prepared.remember(threads), threads)
+    prepared.world.compile(prepared.genome.network)
+    rows, recorded = prepared.run(thread_count(config.threads))
     return Evaluation(
         metrics=pd.DataFrame(rows),
         config=config,

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import chdir
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 from omegaconf import DictConfig, OmegaConf
 
@@ -17,16 +17,15 @@ from epuckhebb.config import build
 from epuckhebb.config.overrides import ANY, OF_ENVIRONMENT, parsed, value_text
 from epuckhebb.config.parts import NONE, Layers, part_from
 from epuckhebb.config.plugins import class_named, load
-from epuckhebb.config.schema import Checked, Figures, register
+from epuckhebb.config.schema import Checked, Evaluates, Evolves, Figures, register
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.control import Control, Sign
 from epuckhebb.controller.plasticity.rule import Acts, NoRule, Rule
 from epuckhebb.controller.ranges import check, within
 from epuckhebb.controller.wiring import LAYERS, Wiring
-from epuckhebb.evolution.evolve import evolved_plan
-from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.evolution.training import UNVARIED
 from epuckhebb.runtime import ConfigError, conf, did_you_mean, path_of, refusing, yaml_file
+from epuckhebb.tmaze.individual import Controller
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.worlds.changes import AT, FUNCTION
 from epuckhebb.worlds.environment import Environment, World
@@ -36,14 +35,6 @@ WITHOUT, FROZEN = "without plasticity", "frozen at the change"
 _INSTALL = 'pip install "epuckhebb[gym]"'
 _RATE = 0.002  # N of a rule whose row has that of the maze
 _AS_PAPERS = {"N": 0.05, "normalise": "largest"}  # of ABCD and its kin, as their programs do outside Bullet
-
-
-class Tested(NamedTuple):
-    """A controller of an evaluation: its name in tables, its rule, and whether its weights freeze at the change."""
-
-    name: str
-    rule: Rule
-    frozen: bool = False
 
 
 @dataclass(kw_only=True)
@@ -63,16 +54,22 @@ class EnvironmentConfig(Checked):
         self.world = world_of(self.environment)
         self.world.check()
         self.network_made = _network(self.world, part_from("wiring", self.network, "network"))
+        self.shape = self.network_made.wiring
         self.rule = build.rule_from(self.hebbian, "hebbian")
-        if not isinstance(self.rule, NoRule) and self.rule.signal != SIGNAL:
-            raise ValueError(f"hebbian.signal must be {SIGNAL} in an environment, got {self.rule.signal}")
-        if self.rule.acts is not Acts.always:
-            raise ValueError(f"hebbian.acts must be always in an environment, got {self.rule.acts.name}")
-        self.rule.check_wiring(self.network_made.wiring)
-        if self.rule.control is not Control.none:
-            raise ValueError(f"hebbian.control={self.rule.control.name} is for the maze; in an environment it is none")
-        if self.rule.sign_draw and self.rule.sign is Sign.shuffled:
-            given = f"hebbian.sign=shuffled in an environment, got {self.rule.sign_draw}"
+        self.controllers = [Controller(name=str(self.hebbian.get("name") or WITHOUT), rule=self.rule)]
+        self.check_rule(self.rule)
+
+    def check_rule(self, rule: Rule) -> None:
+        """Refuse a rule with what only the maze has."""
+        if not isinstance(rule, NoRule) and rule.signal != SIGNAL:
+            raise ValueError(f"hebbian.signal must be {SIGNAL} in an environment, got {rule.signal}")
+        if rule.acts is not Acts.always:
+            raise ValueError(f"hebbian.acts must be always in an environment, got {rule.acts.name}")
+        rule.check_wiring(self.shape)
+        if rule.control is not Control.none:
+            raise ValueError(f"hebbian.control={rule.control.name} is for the maze; in an environment it is none")
+        if rule.sign_draw and rule.sign is Sign.shuffled:
+            given = f"hebbian.sign=shuffled in an environment, got {rule.sign_draw}"
             raise ValueError(f"hebbian.sign_draw must be 0 with {given}")
 
     @property
@@ -94,51 +91,45 @@ class EnvironmentConfig(Checked):
             for one in self.environment.changes
         )
 
-    @property
-    def controllers(self) -> list[Tested]:
-        """The controllers that run."""
-        return [Tested(str(self.hebbian.get("name") or WITHOUT), self.rule)]
-
 
 @register
 @dataclass(kw_only=True)
-class EvolveEnvironment(EnvironmentConfig):
-    """All keys of `epuckhebb evolve environment=NAME`. algorithm, schedule, plan: as of `EvolveConfig`."""
+class EvolveEnvironment(Evolves, EnvironmentConfig):
+    """All keys of `epuckhebb evolve environment=NAME`."""
 
     command: ClassVar[str] = f"evolve{OF_ENVIRONMENT}"
-    ga: GA | None = field(default_factory=GA)  # None if the optimizer is another
-    optimizer: dict[str, Any] = field(default_factory=lambda: {"algorithm": GA.key})
 
     def __post_init__(self) -> None:
         """Validate the settings."""
         super().__post_init__()
-        self.algorithm = build.optimizer_from(self.optimizer, self.ga)
-        if self.rule.sign_draw:
-            raise ValueError(f"hebbian.sign_draw={self.rule.sign_draw} is for evaluate; in evolution it is 0")
-        self.schedule = self.algorithm.schedule(UNVARIED, Lifetime())
-        self.plan = evolved_plan(self.network_made, self.rule)
-        self.algorithm.check(self.plan)
+        self.plan_search(UNVARIED, Lifetime())
 
 
 @register
 @dataclass(kw_only=True)
-class EvaluateEnvironment(EnvironmentConfig):
-    """All keys of `epuckhebb evaluate environment=NAME`."""
+class EvaluateEnvironment(Evaluates, EnvironmentConfig):
+    """All keys of `epuckhebb evaluate environment=NAME`.
+
+    controllers: the rule and its controls (without plasticity, with other signs, frozen from the change on), and those
+    of `compare`.
+    """
 
     command: ClassVar[str] = f"evaluate{OF_ENVIRONMENT}"
-    genome: str = "latest"
-    repeats: int = within(1, default=20)
 
-    @property
-    def controllers(self) -> list[Tested]:
-        """The rule and its controls: without plasticity, with other signs, and frozen from the change on."""
-        (own,) = super().controllers
-        if isinstance(self.rule, NoRule):
-            return [own]
-        controls = [Tested(f"{own.name} ({sign.name})", replace(self.rule, sign=sign)) for sign in Sign]
-        others = [control for control in controls if control.rule != self.rule]
-        frozen = [Tested(f"{own.name} ({FROZEN})", self.rule, frozen=True)] if self.environment.changes else []
-        return [Tested(f"{own.name} ({WITHOUT})", replace(self.rule, N=0.0)), own, *others, *frozen]
+    def __post_init__(self) -> None:
+        """Validate the settings."""
+        super().__post_init__()
+        (main,) = self.controllers
+        rules = {} if isinstance(self.rule, NoRule) else {WITHOUT: replace(self.rule, N=0.0)}
+        rules[""] = self.rule
+        if len(rules) > 1:
+            rules |= {sign.name: replace(self.rule, sign=sign) for sign in Sign if sign is not self.rule.sign}
+            rules |= {FROZEN: replace(self.rule, acts=Acts.before_change)} if self.environment.changes else {}
+        named = {f"{main.name} ({kind})" if kind else main.name: rule for kind, rule in rules.items()}
+        own = [Controller(name=name, rule=rule) for name, rule in named.items()]
+        self.controllers = self.compared(main, own, _RATE)
+        for controller in self.controllers[len(own) :]:
+            self.check_rule(controller.rule)
 
 
 def world_of(settings: Environment) -> World:
@@ -211,9 +202,9 @@ def complete(cfg: DictConfig, choices: Mapping[str, str], overrides: Sequence[st
     def is_typed(key: str) -> bool:
         return any(word == key or word.startswith(f"{key}.") for word in words)
 
-    environment, before = cfg.environment, environment_of_run(str(cfg.genome)) if cfg.get("genome") else {}
+    environment, before = cfg.environment, environment_of_run(str(cfg.genome)) if "repeats" in cfg else {}
     environment.name = environment.name or choices["environment"]
-    if "genome" in cfg and not before and not is_typed("environment"):
+    if "repeats" in cfg and not before and not is_typed("environment"):
         raise ConfigError(f"genome={cfg.genome} is of no evolution in an environment; give environment=NAME")
     is_same = bool(before) and before["environment"]["name"] == environment.name
     for group in before.keys() & ({"network", "hebbian"} - set(words) | ({"environment"} if is_same else set())):
@@ -230,8 +221,12 @@ def complete(cfg: DictConfig, choices: Mapping[str, str], overrides: Sequence[st
             got = f"{environment.change}{did_you_mean(str(environment.change), environment.named)}"
             raise ConfigError(f"change must be one of {names} {where}, without environment.changes, got {got}")
         environment.changes = environment.named[environment.change]
-    if not before or "hebbian" in words:
-        _fit_rule(cfg, choices["hebbian"], is_typed)
+    if (not before or "hebbian" in words) and cfg.hebbian.get("rule") not in (None, NONE):
+        choice, rule = choices["hebbian"], cfg.hebbian
+        fit_rule(rule, choice, cfg.network, lambda key: is_typed(f"hebbian.{key}"))
+        rule.name = rule.get("name") or (choice if choice != NONE else str(rule.rule).rpartition(":")[2].lower())
+        if cfg.network.get("wiring") == "ctrnn" and not is_typed("network.tau_gain_rad_s"):
+            cfg.network.tau_gain_rad_s = 0.0
     if "optimizer" in cfg:
         if ":" in str(cfg.optimizer.algorithm):  # one of one's own has no settings of the default one
             typed = [key for key in cfg.optimizer if is_typed(f"optimizer.{key}")]
@@ -242,19 +237,13 @@ def complete(cfg: DictConfig, choices: Mapping[str, str], overrides: Sequence[st
                 cfg[group][key] = environment[key]
 
 
-def _fit_rule(cfg: DictConfig, choice: str, is_typed: Callable[[str], bool]) -> None:
+def fit_rule(rule: DictConfig, choice: str, network: DictConfig, is_typed: Callable[[str], bool]) -> None:
     """Give a rule what it has in environments: no wheel gain, the reward as live fitness, and rates of the papers."""
-    rule, row = cfg.hebbian, conf.table("hebbian").get(choice, {})
-    if rule.get("rule") in (None, NONE):
-        return
     defaults = {"signal": SIGNAL, "floor": 1.0, "N_gain_rad_s": 0.0}
     if choice.startswith("abcd"):
-        defaults |= _AS_PAPERS if cfg.network.wiring == LAYERS else {"N": _AS_PAPERS["N"]}
-    if "scenario" in str(row.get("N", "")) or "N" not in rule:
+        defaults |= _AS_PAPERS if network.wiring == LAYERS else {"N": _AS_PAPERS["N"]}
+    if "scenario" in str(conf.table("hebbian").get(choice, {}).get("N", "")) or "N" not in rule:
         defaults |= {"N": _RATE}
     for key, value in defaults.items():
-        if not is_typed(f"hebbian.{key}"):
+        if not is_typed(key):
             rule[key] = value
-    rule.name = rule.get("name") or (choice if choice != NONE else str(rule.rule).rpartition(":")[2].lower())
-    if cfg.network.get("wiring") == "ctrnn" and not is_typed("network.tau_gain_rad_s"):
-        cfg.network.tau_gain_rad_s = 0.0

@@ -62,10 +62,12 @@ def resolve(
     with refusing(explain, OmegaConfBaseException):
         if "environment" in cfg:  # first, since rows of rules refer to the maze
             environments.complete(cfg, choices, overrides)
-        find_own_files(cfg)
-        if "environment" in cfg:
+            _compare_in_environment(cfg, folders)
+            find_own_files(cfg)
             _complete_classes(cfg)
-        elif "scenario" in cfg and cfg.get("changed") is None:
+            return
+        find_own_files(cfg)
+        if "scenario" in cfg and cfg.get("changed") is None:
             _resolve(command, cfg, dict(choices), overrides, folders)
 
 
@@ -153,6 +155,24 @@ def _compared(name: str, given: Any, folders: Sequence[Path]) -> tuple[str, Any]
     except ConfigError as error:
         raise ConfigError(f"compare.{name}: {error}") from error
     return name, given
+
+
+def _compare_in_environment(cfg: DictConfig, folders: Sequence[Path]) -> None:
+    """Look up what is compared, and give the rules what they have in environments, but for what was typed."""
+    for name, given in dict(cfg.get("compare") or {}).items():
+        del cfg.compare[name]
+        shown, settings = _compared(str(name), given, folders)
+        cfg.compare[shown] = settings
+        if "adaptation" in settings:
+            raise ConfigError(
+                f"compare.{name}: adaptations are for the maze, and this is environment={cfg.environment.name}"
+            )
+        rule, typed = cfg.compare[shown], {*(given if isinstance(given, Mapping) else ())}
+        if "rule" not in rule and cfg.hebbian.get("rule") in (None, NONE):
+            rule.rule = PAPER
+        if "rule" in rule:
+            choice = str(name if given is None else rule.rule)
+            environments.fit_rule(rule, choice, cfg.network, typed.__contains__)
 
 
 def _added(group: str, name: str, folders: Sequence[Path]) -> dict[str, Any]:

@@ -7,6 +7,7 @@ that a user can bring (a rule, a maze, a robot) are open here, and checked when 
 
 import functools
 import re
+from collections.abc import Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields, make_dataclass
 from enum import Enum
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
@@ -18,8 +19,9 @@ from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.config import build
 from epuckhebb.config.errors import explain
 from epuckhebb.config.parts import Layers, part_from
+from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.control import Control
-from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule
+from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, Rule
 from epuckhebb.controller.ranges import check, within
 from epuckhebb.controller.wiring import LAYERS, Wiring
 from epuckhebb.evolution.evolve import evolved_plan
@@ -27,7 +29,7 @@ from epuckhebb.evolution.optimizer import Algorithm
 from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.evolution.training import Training
 from epuckhebb.runtime import refusing
-from epuckhebb.tmaze.individual import GA_ALONE
+from epuckhebb.tmaze.individual import GA_ALONE, Controller
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
@@ -47,6 +49,9 @@ class Checked:
     command: ClassVar[str]
     composed: DictConfig
     seed: int
+    hebbian: dict[str, Any]
+    rule: Rule
+    network_made: Network
 
     @functools.cached_property
     def values(self) -> Plain:
@@ -141,51 +146,78 @@ class WorldConfig(Checked):
 
 
 @dataclass(kw_only=True)
-class EvaluateConfig(WorldConfig):
-    """All keys of `epuckhebb evaluate`.
+class Evaluates(Checked):
+    """The keys of `evaluate` in every world."""
+
+    genome: str = "reference"
+    repeats: int = within(1, default=10)
+    compare: dict[str, Any] = field(default_factory=dict)  # name -> what differs from the rule of `hebbian`
+
+    def compared(self, main: Controller, others: Sequence[Controller], rate: float) -> list[Controller]:
+        """Some controllers and those of `compare`, but for the main one. rate: N of a rule that says none."""
+        given = [build.compared(name, settings, self.hebbian, rate) for name, settings in self.compare.items()]
+        controllers = [*others, *(controller for controller in given if controller != main)]
+        names = [GA_ALONE.name, *(controller.name for controller in controllers)]
+        if twice := next((name for name in names if names.count(name) > 1), None):
+            raise ValueError(f"controllers need different names, got {', '.join(names)}; give {twice} another one")
+        return controllers
+
+
+@dataclass(kw_only=True)
+class Evolves(Checked):
+    """The keys of `evolve` in every world.
+
+    genome: whose weights all individuals are given, so that only the rule is evolved; None for weights that evolve.
+    start: the champion at whose genes evolution begins; None for random ones. algorithm: the optimizer, of `optimizer`
+    and `ga`. schedule: how long it goes on. plan: what is evolved.
+    """
+
+    genome: str | None = None
+    start: str | None = None
+    ga: GA | None = field(default_factory=GA)  # None if the optimizer is another
+    optimizer: dict[str, Any] = field(default_factory=lambda: {"algorithm": GA.key})
+
+    def plan_search(self, training: Training, lifetime: Lifetime) -> None:
+        """Make the optimizer, and what it evolves."""
+        if self.rule.control is not Control.none or self.rule.sign_draw:
+            given = f"hebbian.control={self.rule.control.name} and hebbian.sign_draw={self.rule.sign_draw}"
+            raise ValueError(f"{given} are for evaluate; in evolution there are none and 0: the seed draws the signs")
+        self.algorithm = build.optimizer_from(self.optimizer, self.ga)
+        self.schedule = self.algorithm.schedule(training, lifetime)
+        self.plan = evolved_plan(self.network_made, self.rule, given=self.genome is not None)
+        self.algorithm.check(self.plan)
+
+
+@dataclass(kw_only=True)
+class EvaluateConfig(Evaluates, WorldConfig):
+    """All keys of `epuckhebb evaluate` in the maze.
 
     controllers: what comes of them, `hebbian` with `adaptation` (unless both are none), the same with its reward
     inverted if it receives one, and those of `compare`.
     """
 
     command: ClassVar[str] = "evaluate"
-    genome: str = "reference"
-    repeats: int = within(1, default=10)
     adaptation: Adaptation = field(default_factory=Adaptation)
-    compare: dict[str, Any] = field(default_factory=dict)  # name -> what differs from the rule of `hebbian`
 
     def __post_init__(self) -> None:
         """Validate the settings."""
         super().__post_init__()
         self.adaptation = build.with_signal(self.adaptation)
         main = build.controller_of(self.rule, self.adaptation, self.hebbian.get("name"))
-        given = build.with_controls(main, self.world.task)
-        rule, rate = self.hebbian, self.scenario.paper_N
-        others = [build.compared(name, settings, rule, rate) for name, settings in self.compare.items()]
-        self.controllers = [*given, *(other for other in others if other != main)]
-        names = [GA_ALONE.name, *(controller.name for controller in self.controllers)]
-        twice = next((name for name in names if names.count(name) > 1), None)
-        if twice:
-            raise ValueError(f"controllers need different names, got {', '.join(names)}; give {twice} another one")
+        self.controllers = self.compared(main, build.with_controls(main, self.world.task), self.scenario.paper_N)
         for controller in self.controllers:
             controller.check(self.world, self.lifetime.duration_s, self.wiring)
 
 
 @dataclass(kw_only=True)
-class EvolveConfig(WorldConfig):
-    """All keys of `epuckhebb evolve`.
+class EvolveConfig(Evolves, WorldConfig):
+    """All keys of `epuckhebb evolve` in the maze.
 
-    genome: whose weights all individuals are given, so that only the rule is evolved; None for weights that evolve.
-    start: the champion at whose genes evolution begins; None for random ones.
-    controller: what drives the robots besides their genes. algorithm: the optimizer, of `optimizer` and `ga`. schedule:
-    how long it goes on. plan: what is evolved.
+    controller: what drives the robots besides their genes. controllers: the same, and the GA if the rule is to be
+    switched off.
     """
 
     command: ClassVar[str] = "evolve"
-    genome: str | None = None
-    start: str | None = None
-    ga: GA | None = field(default_factory=GA)  # None if the optimizer is another
-    optimizer: dict[str, Any] = field(default_factory=lambda: {"algorithm": GA.key})
     training: Training = field(default_factory=Training)
 
     def __post_init__(self) -> None:
@@ -195,13 +227,11 @@ class EvolveConfig(WorldConfig):
             raise ValueError(f"scenario.hand={self.scenario.hand} is for `epuckhebb evaluate`; evolve takes changes")
         self.controller = build.controller_of(self.rule, Adaptation(), self.hebbian.get("name"))
         self.controller.check(self.world, self.lifetime.duration_s, self.wiring)
-        if self.rule.control is not Control.none or self.rule.sign_draw:
-            given = f"hebbian.control={self.rule.control.name} and hebbian.sign_draw={self.rule.sign_draw}"
-            raise ValueError(f"{given} are for evaluate; in evolution there are none and 0: the seed draws the signs")
+        self.controllers = [self.controller, *[GA_ALONE] * self.training.rule_off]
         if self.rule.carries_history:
             raise ValueError("hebbian.carries_history=true is for evaluate: in evolution no lifetime follows another")
-        self.algorithm = build.optimizer_from(self.optimizer, self.ga)
-        self.schedule = self.algorithm.schedule(self.training, self.lifetime)
+        self.network_made = build.network_for(self.world, self.shape)
+        self.plan_search(self.training, self.lifetime)
         self.training.check(self.world, self.lifetime, self.schedule.loops)
         inherits = type(self.algorithm).inherit is not Algorithm.inherit
         evolves = self.rule.initial_weights is InitialWeights.evolved and self.genome is None
@@ -211,9 +241,6 @@ class EvolveConfig(WorldConfig):
                     "a rule whose initial weights evolve (hebbian=baldwin), no genome, and, if lamarckian, optimizer=ga"
                 )
                 raise ValueError(f"training.{name}=true needs {needs}; got hebbian.rule={self.hebbian.get('rule')}")
-        network = build.network_for(self.world, self.shape)
-        self.plan = evolved_plan(network, self.rule, given=self.genome is not None)
-        self.algorithm.check(self.plan)
 
 
 SCHEMAS: dict[str, Any] = {schema.command: schema for schema in (EvaluateConfig, EvolveConfig)}

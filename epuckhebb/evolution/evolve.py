@@ -14,14 +14,14 @@ import numpy as np
 from epuckhebb.controller import random
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.genome import GenomePlan, plan_of
-from epuckhebb.controller.network import PAPER_NETWORK, Network
+from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import name_of
 from epuckhebb.controller.plasticity.control import signs
-from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, Rule
+from epuckhebb.controller.plasticity.rule import NO_RULE, InitialWeights, NoRule, Rule
 from epuckhebb.controller.random import Stream
 from epuckhebb.evolution.optimizer import CANDIDATES, CONFIRM, Algorithm
 from epuckhebb.evolution.search import LEARNT, Results, Search
-from epuckhebb.evolution.training import UNVARIED, Training, World
+from epuckhebb.evolution.training import Training, World
 from epuckhebb.tmaze.batch import run_lifetimes
 from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
 from epuckhebb.tmaze.life import Lifetime
@@ -70,50 +70,12 @@ class Evaluator(Protocol):
     ) -> tuple[Floats, Floats, dict[str, Floats], int]:
         """Mean fitness and success of each individual, measures by name, and the steps that were run."""
 
-    def again(self, genes: Floats, generation: int) -> tuple[float, float] | None:
+    def again(self, genes: Floats, generation: int) -> tuple[float, float] | None:  # noqa: ARG002  # the maze needs them
         """Fitness of an individual in fresh lifetimes, with plasticity and without; None if not asked for."""
+        return None
 
 
 def evolve(
-    optimizer: Algorithm,
-    scenario: Scenario,
-    lifetime: Lifetime,
-    seed: int,
-    threads: int = 1,
-    after: Generation | None = None,
-    *,
-    training: Training = UNVARIED,
-    network: Network = PAPER_NETWORK,
-    controller: Controller = GA_ALONE,
-    given: Floats | None = None,
-    start: Floats | None = None,
-    origin: Scenario | None = None,
-) -> Iterator[Generation]:
-    """Evolve controllers in a scenario; yields one record a generation.
-
-    after: the last record of an unfinished evolution with the same arguments, to resume. controller: with a plasticity
-    rule, individuals learn during evolution, and evolved parameters of the rule are part of the genome. Then all
-    individuals of a generation have the same starts and noise, and the champion is the best of three in fresh
-    lifetimes, with any optimizer. given: the genes of a champion's network, if only the rule is evolved. start: the
-    evolved genes with which evolution begins; None for random ones. origin: the training world of the experiment, if
-    `training` lets it come back.
-
-    Raises:
-        PartError: the optimizer failed, or asked for what is no genome.
-        LostRobotError: a pose or a weight stopped being finite.
-    """
-    generations, loops = optimizer.schedule(training, lifetime)
-    training.check(scenario, lifetime, loops)
-    shared = optimizer.common_random_numbers or not isinstance(controller.rule, NoRule)
-    evaluator = _Evaluator(
-        optimizer, loops, scenario, lifetime, training, seed, network, controller, threads, shared, origin
-    )
-    yield from search_generations(
-        optimizer, evaluator, generations, seed, after, network=network, rule=controller.rule, given=given, start=start
-    )
-
-
-def search_generations(
     optimizer: Algorithm,
     evaluator: Evaluator,
     generations: int,
@@ -121,11 +83,22 @@ def search_generations(
     after: Generation | None = None,
     *,
     network: Network,
-    rule: Rule,
+    rule: Rule = NO_RULE,
     given: Floats | None = None,
     start: Floats | None = None,
 ) -> Iterator[Generation]:
-    """Evolve in any world; yields one record a generation. evaluator: runs the lifetimes."""
+    """Evolve controllers in any world; yields one record a generation.
+
+    evaluator: runs the lifetimes. after: the last record of an unfinished evolution with the same arguments, to resume.
+    rule: with one, individuals learn during evolution, and evolved parameters of the rule are part of the genome. Then
+    all individuals of a generation have the same starts and noise, and the champion is the best of three in fresh
+    lifetimes, with any optimizer. given: the genes of a champion's network, if only the rule is evolved. start: the
+    evolved genes with which evolution begins; None for random ones.
+
+    Raises:
+        PartError: the optimizer failed, or asked for what is no genome.
+        LostRobotError: a pose or a weight stopped being finite.
+    """
     learns = not isinstance(rule, NoRule)
     plan = evolved_plan(network, rule, given=given is not None)
     search = Search(optimizer, plan, seed, () if after is None else after.log, start)
@@ -190,11 +163,13 @@ def training_signs(rule: Rule, network: Network, seed: int) -> Floats:
     return signs(rule.sign, network.synapses, random.rng(seed, Stream.shuffled_signs))
 
 
-class _Evaluator(NamedTuple):
-    """Runs the lifetimes of individuals and measures their fitness."""
+class MazeEvaluator(NamedTuple):
+    """Runs the lifetimes of individuals in the maze, on both sides, and measures their fitness.
+
+    origin: the training world of the experiment, if training comes back to it.
+    """
 
     optimizer: Algorithm
-    loops: int
     scenario: Scenario
     lifetime: Lifetime
     training: Training
@@ -202,8 +177,17 @@ class _Evaluator(NamedTuple):
     network: Network
     controller: Controller
     threads: int
-    shared: bool  # whether all individuals have the same starts and noise
-    origin: Scenario | None
+    origin: Scenario | None = None
+
+    @property
+    def loops(self) -> int:
+        """How many lifetimes each individual runs on either side in a generation."""
+        return self.optimizer.schedule(self.training, self.lifetime).loops
+
+    @property
+    def shared(self) -> bool:
+        """Whether all individuals have the same starts and noise."""
+        return self.optimizer.common_random_numbers or not isinstance(self.controller.rule, NoRule)
 
     @property
     def lifetimes(self) -> int:
@@ -243,7 +227,10 @@ class _Evaluator(NamedTuple):
         return fitness, success, measured, robot_steps
 
     def again(self, genes: Floats, generation: int) -> tuple[float, float] | None:
-        """Fitness with plasticity and without, in fresh lifetimes: in those of its generation the fittest was lucky."""
+        """Fitness in fresh lifetimes, with plasticity and without; None if not asked for.
+
+        They are fresh, since in those of its generation the fittest was lucky.
+        """
         if not self.training.rule_off:
             return None
         plan = plan_of(self.network, type(self.controller.rule))

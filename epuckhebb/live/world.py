@@ -57,7 +57,7 @@ class LiveWorld:
         compile_for(self.controllers, genome.network, config.world)
         self.lifetime = replace(config.lifetime, record_every=1)
         wanted = [(number, self.side, 0) for number in range(len(self.controllers))]
-        nominal, plan, network = prepared.remember(1), genome.plan, genome.network
+        nominal, plan, network = prepared.world.nominal(genome, 1), genome.plan, genome.network
         individuals = individuals_for(
             genome.genes, self.controllers, wanted, nominal, plan, network, config.seed, genome.signs
         )

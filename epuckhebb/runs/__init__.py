@@ -7,12 +7,10 @@ fails raises `JobFailedError`.
 
 from epuckhebb.runs import hydra
 from epuckhebb.runs.begin import check_same
-from epuckhebb.runs.environments import film
 from epuckhebb.runs.evaluate import (
     PreparedEvaluation,
     as_evolved,
     check_rules,
-    compile_for,
     evaluate_into,
     evaluate_job,
     prepare_evaluation,
@@ -26,5 +24,7 @@ from epuckhebb.runs.evolve import (
     resume,
     settings_but_seed,
 )
+from epuckhebb.runs.gymnasium import film
+from epuckhebb.runs.maze import compile_for
 from epuckhebb.runs.notes import caption, notes_of
 from epuckhebb.runs.rerun import config_of, repeat

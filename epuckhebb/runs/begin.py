@@ -9,8 +9,6 @@ from epuckhebb.config import OWN_CODE, Checked, OwnFile, dump, own_files, settin
 from epuckhebb.runtime import ConfigError, conf
 from epuckhebb.store import CONFIG, PROVENANCE, Genome, Run, RunFolder
 
-_NO_EFFECT = ("threads", "figures", "environment.processes")  # keys on which no result depends
-
 
 def begin(
     path: Path,
@@ -39,7 +37,7 @@ def check_same(path: Path, config: Checked, genome: Genome | None = None) -> Non
     """Refuse a folder whose run has other settings, other files of the user's, or another genome."""
     before, now = (dict(conf.flat(values)) for values in (settings(path / CONFIG), yaml.safe_load(dump(config))))
     for key in (*now, *before):
-        if key not in _NO_EFFECT and before.get(key) != now.get(key):
+        if key not in conf.NO_EFFECT and before.get(key) != now.get(key):
             was = f"{path} holds a run with {key}={before.get(key, '(none)')}"
             raise ConfigError(f"{was}, this call has {now.get(key, '(none)')}; choose another folder")
     facts = Run(path).provenance

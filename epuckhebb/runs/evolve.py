@@ -4,41 +4,36 @@ The checkpoint alone says how far an evolution is. `history.csv` and `champion.n
 be killed between any two files: resumed, it ends bit-identical.
 """
 
-import functools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.adaptation.nominal import Nominal, measure_nominal
 from epuckhebb.config import (
     EvolveConfig,
     dump,
     from_values,
-    network_for,
     own_files,
     schema_of,
     settings,
-    training_world,
     values_of,
 )
 from epuckhebb.controller.genome import GenomePlan, plan_of
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import name_of
-from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.plasticity.rule import NoRule
-from epuckhebb.evolution.evolve import Generation, evolve, training_signs, with_given
+from epuckhebb.evolution.evolve import Generation, evolve, with_given
 from epuckhebb.evolution.optimizer import limits
 from epuckhebb.evolution.search import Results, Search, check_start
 from epuckhebb.runs import hydra
 from epuckhebb.runs.begin import begin, check_own
-from epuckhebb.runs.evaluate import check_genome, compile_for, draw
+from epuckhebb.runs.evaluate import draw
 from epuckhebb.runs.hydra import Report, unreported
-from epuckhebb.runs.notes import unusual_values
-from epuckhebb.runtime import ConfigError, bar, path_of, refusing, say, thread_count
+from epuckhebb.runs.world import world_of
+from epuckhebb.runtime import ConfigError, bar, conf, path_of, refusing, say, thread_count
 from epuckhebb.store import (
     CHAMPION,
     CHECKPOINT,
@@ -52,11 +47,7 @@ from epuckhebb.store import (
     digest,
     load_genome,
 )
-from epuckhebb.tmaze.individual import GA_ALONE
-from epuckhebb.tmaze.own_sensor import reading_names
-from epuckhebb.tmaze.physics.pymunk import PYMUNK
-from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
+from epuckhebb.worlds.world import World
 
 RESUME = "resume="  # before the folder of an evolution
 
@@ -64,7 +55,7 @@ RESUME = "resume="  # before the folder of an evolution
 def evolve_job(job: hydra.Job) -> None:
     """Evolve into the folder of a job."""
     prepared = prepare_evolution(job.config)
-    notes = list(prepared.notes)
+    notes = prepared.world.notes()
     prepared.compile()
     for note in notes if not job.in_multirun else ():
         say(note)
@@ -78,9 +69,9 @@ def evolve_job(job: hydra.Job) -> None:
 class PreparedEvolution:
     """An evolution whose settings, memory and given weights are checked.
 
-    plan: the parts of a champion's genes. given: the genes of the network that all individuals are given; None if these
-    evolve. start: the champion with which evolution begins, and its evolved genes; None for random ones. origin: the
-    training world of the experiment, if training comes back to it. An evolution in an environment is a subclass.
+    config: of its world. plan: the parts of a champion's genes. given: the genes of the network that all individuals
+    are given; None if these evolve. start: the champion with which evolution begins, and its evolved genes; None for
+    random ones.
     """
 
     config: Any
@@ -88,12 +79,11 @@ class PreparedEvolution:
     plan: GenomePlan
     given: NDArray[np.float64] | None = None
     start: tuple[Genome, NDArray[np.float64]] | None = None
-    origin: Scenario | None = None
 
     @property
-    def notes(self) -> Sequence[str]:
-        """What a reader must know of the world."""
-        return unusual_values(self.config)
+    def world(self) -> World:
+        """The world in which individuals are judged."""
+        return world_of(self.config)
 
     @property
     def start_text(self) -> str:
@@ -107,39 +97,30 @@ class PreparedEvolution:
 
     def compile(self) -> None:
         """Load or compile what the lifetimes need."""
-        compile_for(
-            [self.config.controller, *[GA_ALONE] * self.config.training.rule_off], self.network, self.config.world
-        )
+        self.world.compile(self.network)
 
     def generations(
         self, threads: int, after: Generation | None = None, *, quiet: bool = False
     ) -> Iterator[Generation]:
         """The generations of the evolution, from the first one or after one that has ended, beside a bar."""
-        count = self.config.schedule.generations
+        config, count = self.config, self.config.schedule.generations
+        search = evolve(
+            config.algorithm,
+            self.world.evaluator(self.network, threads),
+            count,
+            config.seed,
+            after,
+            network=self.network,
+            rule=config.rule,
+            given=self.given,
+            start=self.start[1] if self.start else None,
+        )
         with bar("generation", count, after.number + 1 if after else 0, quiet=quiet) as shown:
-            for generation in self.evolve(threads, after):
+            for generation in search:
                 best, mean = generation.fitness.max(), generation.fitness.mean()
                 shown.set_postfix_str(f"best {best:.3f}  mean {mean:.3f}", refresh=False)
                 shown.update()
                 yield generation
-
-    def evolve(self, threads: int, after: Generation | None) -> Iterator[Generation]:
-        """The same without a bar."""
-        config = self.config
-        return evolve(
-            config.algorithm,
-            config.world,
-            config.lifetime,
-            config.seed,
-            threads,
-            after=after,
-            training=config.training,
-            network=self.network,
-            controller=config.controller,
-            given=self.given,
-            start=self.start[1] if self.start else None,
-            origin=self.origin,
-        )
 
     def fittest(self, log: Sequence[Results], number: int) -> NDArray[np.float64]:
         """The fittest genome of a generation that has ended: the optimizer asks for it again, without a lifetime."""
@@ -151,14 +132,11 @@ class PreparedEvolution:
         """The genes of a champion that are its network, without those of a rule."""
         return self.plan.pick(champion, self.plan.of_network)
 
-    def nominal(self, last: Generation, threads: int) -> Nominal | None:
-        """What a champion remembers of its training world; None of many trials, which have not one goal."""
-        if self.config.world.task.has_trials:
-            return None
-        genes = self.network_genes(last.champion)
-        return measure_nominal(genes, self.config.world, threads=threads, network=self.network)
+    def nominal(self, last: Generation, threads: int) -> Any:
+        """What a champion remembers of its training world; None if there is nothing."""
+        return self.world.nominal_of_training(self.network_genes(last.champion), self.network, threads)
 
-    def champion(self, last: Generation, nominal: Nominal | None = None) -> bytes:
+    def champion(self, last: Generation, nominal: Any = None) -> bytes:
         """The `champion.npz` of a generation."""
         config, rule = self.config, self.config.rule
         genome = Genome(
@@ -170,67 +148,47 @@ class PreparedEvolution:
             rule="" if isinstance(rule, NoRule) else name_of(type(rule)),
             start=self.start_text,
             nominal=nominal,
-            **self.evolved_for,
+            **self.world.facts,
         )
         return champion_file(genome, last.champion_fitness, config.seed, last.number)
 
-    @property
-    def evolved_for(self) -> dict[str, Any]:
-        """What the champion's file says of the robot and the world."""
-        config, rule, world = self.config, self.config.rule, self.config.world
-        return {
-            "robot": world.robot.name,
-            "lights": world.robot.light.count,
-            "experiment": world.experiment,
-            "training": config.training.name,
-            "task": "" if world.task == ONE_TRIAL else world.task.name,
-            "fitness_function": world.fitness.name if world.fitness.is_own else "",
-            "sensors": reading_names(world.robot.sensors),
-            "physics": "" if world.physics.name == PYMUNK.name else world.physics.name,
-            "signs": training_signs(rule, self.network, config.seed) if rule.sign is Sign.shuffled else None,
-        }
 
-
-@functools.singledispatch
-def prepare_evolution(config: Any, *, has_genome: bool = True) -> Any:
-    """Check that the given weights fit, and that the optimizer starts; a `PreparedEvolution`, or one of its like.
+def prepare_evolution(config: Any, *, has_genome: bool = True) -> PreparedEvolution:
+    """Check that the given weights fit, that the optimizer starts, and that the world knows what it asks for.
 
     has_genome: whether the genome that the settings name exists yet; else nothing is read.
     """
-    world = config.world
-    network = network_for(world, config.shape)
+    world, network = world_of(config), config.network_made
     plan = plan_of(network, type(config.rule))
-    given = _named("genome", config, network).network_genes if has_genome and config.genome is not None else None
+    given = _named("genome", config).network_genes if has_genome and config.genome is not None else None
     start = None
     if has_genome and config.start is not None:
-        first = _named("start", config, network)
+        first = _named("start", config)
         start = first, _start_genes(first, config)
-    origin = None
-    if config.training.returns:
-        origin = training_world(config, world.physics.name)
-        origin = replace(origin, task=world.task, fitness=world.fitness)
-        if replace(origin, name=world.name) == world:
-            needed = "another world than that of training, as scenario=lowlight or change=[slip_left]"
-            raise ConfigError(f"training.season and training.rehearsal need {needed}, got scenario={world.name}")
     with refusing():
-        check_start(config.algorithm, config.plan, config.seed, start[1] if start else None)
-    return PreparedEvolution(config=config, network=network, plan=plan, given=given, start=start, origin=origin)
+        search = check_start(config.algorithm, config.plan, config.seed, start[1] if start else None)
+    if unknown := [name for name in search.measures if name not in world.measures]:
+        knows = ", ".join(("fitness", *world.measures))
+        raise ConfigError(f"optimizer {config.algorithm.name}: `tell` gets {knows} here, not {', '.join(unknown)}")
+    world.evaluator(network, threads=1)  # it refuses what cannot be
+    return PreparedEvolution(config=config, network=network, plan=plan, given=given, start=start)
 
 
-def _named(key: str, config: EvolveConfig, network: Network) -> Genome:
-    """The champion that a key names, which must fit robot, task and network."""
+def _named(key: str, config: Any) -> Genome:
+    """The champion that a key names, which must fit the world and the network."""
     where = getattr(config, key)
     try:
         genome = load_genome(where, config.world.experiment, config.shape)
-        check_genome(genome, config.world, config.shape)
+        world_of(config).check_genome(genome)
     except ConfigError as error:
         raise ConfigError(str(error).replace("genome=", f"{key}=", 1)) from error
-    if genome.network != network:
-        raise ConfigError(f"{key}={where} is for network.layers {genome.network}, this evolution for {network}")
+    if genome.network != config.network_made:
+        here = f"this evolution for {config.network_made}"
+        raise ConfigError(f"{key}={where} is for network.layers {genome.network}, {here}")
     return genome
 
 
-def _start_genes(first: Genome, config: EvolveConfig) -> NDArray[np.float64]:
+def _start_genes(first: Genome, config: Any) -> NDArray[np.float64]:
     """The genes at which evolution begins; what the champion has not, or of another rule, begins at 0."""
     plan, algorithm = config.plan, config.algorithm
     own = first.plan if first.rule == name_of(type(config.rule)) else first.plan.of_network
@@ -322,11 +280,7 @@ def evolved(path: Path) -> tuple[NDArray[np.float64], Any]:
 
 def settings_but_seed(path: Path) -> dict[str, Any]:
     """The settings of an evolution on which its results depend, by key, without the seed."""
-    values = settings(path / CONFIG)
-    for dotted in ("seed", "threads", "figures", "environment.processes"):
-        group, _, key = dotted.rpartition(".")
-        (values.get(group, {}) if group else values).pop(key, None)
-    return values
+    return conf.without(settings(path / CONFIG), ("seed", *conf.NO_EFFECT))
 
 
 def earlier_champions(path: Path, shares: Sequence[float]) -> Iterator[tuple[int, NDArray[np.float64]]]:
@@ -393,8 +347,4 @@ def _changeable(config: EvolveConfig) -> tuple[str, ...]:
 
 def _digest(path: Path, config: EvolveConfig) -> str:
     """A digest of the settings that make a run this evolution."""
-    values = settings(path / CONFIG)
-    for dotted in _changeable(config):
-        group, _, key = dotted.rpartition(".")
-        (values[group] if group else values).pop(key, None)
-    return digest(values)
+    return digest(conf.without(settings(path / CONFIG), _changeable(config)))

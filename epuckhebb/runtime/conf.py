@@ -6,7 +6,7 @@ A choice is a file of the group's folder, or a row of the table that the group h
 import functools
 import itertools
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ TABLES = {  # groups of which the choices, or most of them, are the rows of one 
     "scenario": "scenarios.yaml",
     "training": "trainings.yaml",
 }
+NO_EFFECT = ("threads", "figures", "environment.processes")  # keys on which no result depends
 _PACKAGE_OF = "# @package"  # the first line of a file that also changes other groups
 _ROW = re.compile(r'^((?:# .*\n)*)"?(\w+)"?:', re.MULTILINE)  # comments, and the name of what they describe
 
@@ -85,3 +86,15 @@ def flat(node: Mapping[Any, Any], prefix: str = "") -> Iterator[tuple[str, Any]]
             yield from flat(value, f"{prefix}{key}.")
         elif key != "defaults":
             yield f"{prefix}{key}", "null" if value is None else value
+
+
+def without(settings: Mapping[str, Any], keys: Iterable[str]) -> dict[str, Any]:
+    """Settings without some keys, which may be dotted."""
+    left = dict(settings)
+    for dotted in keys:
+        group, _, key = dotted.partition(".")
+        if not key:
+            left.pop(group, None)
+        elif isinstance(left.get(group), Mapping):
+            left[group] = without(left[group], [key])
+    return left

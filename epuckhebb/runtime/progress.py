@@ -9,6 +9,8 @@ from contextlib import contextmanager, nullcontext
 from datetime import timedelta
 from typing import TYPE_CHECKING, Any
 
+from epuckhebb.runtime.errors import refusing
+
 if TYPE_CHECKING:
     from tqdm import tqdm
 
@@ -33,13 +35,14 @@ def say(note: str) -> None:
 
 
 @contextmanager
-def saying_if_slow(note: str) -> Iterator[None]:
-    """Print a note if what is done meanwhile takes longer than usual."""
-    timer = threading.Timer(_SLOW_S, say, [note])
+def compiling() -> Iterator[None]:
+    """Time in which kernels are loaded or compiled, which is said if it is long; what cannot be is a ConfigError."""
+    timer = threading.Timer(_SLOW_S, say, ["Compiling; a first start takes some ten seconds, later ones do not."])
     timer.daemon = True
     timer.start()
     try:
-        yield
+        with refusing():
+            yield
     finally:
         timer.cancel()
 

@@ -4,6 +4,7 @@ A job is named by all that its result depends on: its settings, the job of its c
 rules, the science.
 """
 
+import copy
 import functools
 from collections.abc import Mapping
 from dataclasses import replace
@@ -28,7 +29,7 @@ from epuckhebb.config import (
     own_files,
 )
 from epuckhebb.runs import (
-    compile_for,
+    PreparedEvaluation,
     earlier_champions,
     evolve_into,
     hydra,
@@ -110,6 +111,21 @@ def worlds_digest(worlds: tuple[str, ...], config_dir: str | None) -> str:
     return digest({name: repr(evaluation_named(name, config_dir).world) for name in worlds})
 
 
+def in_world_of(prepared: PreparedEvaluation, other: EvaluateConfig) -> PreparedEvaluation:
+    """An evaluation in the world of another one of its experiment, for as long as lifetimes last there.
+
+    The physics is that of the world if a change brings it, as `3d` does.
+    """
+    world, ours = other.world, prepared.config.world
+    if world.name == ours.name:
+        return prepared
+    config = copy.copy(prepared.config)
+    is_brought = any("physics" in brought for brought in other.change.values())
+    config.world = replace(world, fitness=ours.fitness, physics=world.physics if is_brought else ours.physics)
+    config.lifetime = replace(config.lifetime, duration_s=world.paper_duration_s)
+    return replace(prepared, config=config)
+
+
 def _test(path: Path, config: EvaluateConfig, job: Plain, overrides: list[str], facts: dict[str, Any]) -> None:
     """Evaluate a champion in all worlds."""
     if "rates" in job:
@@ -117,7 +133,7 @@ def _test(path: Path, config: EvaluateConfig, job: Plain, overrides: list[str], 
     prepared, threads = prepare_evaluation(config), hydra.threads_of_job(config.threads)
     genome = prepared.genome
     prepared = replace(prepared, genome=replace(genome, name=job.get("name", genome.name)))
-    compile_for(config.controllers, genome.network, config.world)
+    prepared.world.compile(genome.network)
     facts = {"seed": config.seed, "genome": genome.name, "genome_sha256": genome.sha256, **facts}
     command, text, own = facts["command_line"][1], dump(config), own_files(config.values)
     with RunFolder.resume(path, command, text, overrides, facts, own, overrides=overrides) as run:
@@ -126,8 +142,8 @@ def _test(path: Path, config: EvaluateConfig, job: Plain, overrides: list[str], 
             rows: Rows = []
             champion = replace(prepared, genome=replace(prepared.genome, genes=genes))
             for name in job["worlds"]:
-                there = champion.in_world_of(evaluation_named(name, job.get("config_dir")))
-                rows += there.run(there.remember(threads), threads)[0]
+                there = in_world_of(champion, evaluation_named(name, job.get("config_dir")))
+                rows += there.run(threads)[0]
             return pd.DataFrame(rows)
 
         metrics = tested(genome.genes)

@@ -17,10 +17,9 @@ from typing import Any
 from epuckhebb.config import RUN_DIR, SWEEP_DIR, Plain, quoted
 from epuckhebb.runs import hydra
 from epuckhebb.runs.jobs import Jobs, Task, names_of_overrides
-from epuckhebb.runtime import ConfigError
+from epuckhebb.runtime import ConfigError, conf
 from epuckhebb.store import SCHEMA, UNFINISHED, Run, RunFolder, as_json, set_aside, write_atomic
 
-NO_EFFECT = ("threads", "figures")  # keys on which no result depends
 LIST, JOBS = "sweep.json", "jobs"
 
 
@@ -42,7 +41,7 @@ class Job:
     def settings(self) -> dict[str, str]:
         """The settings of this job on which results may depend, by key."""
         pairs = (override.lstrip("+").partition("=") for override in self.overrides)
-        return {key: value for key, _, value in pairs if key not in ("experiment", *NO_EFFECT)}
+        return {key: value for key, _, value in pairs if key not in ("experiment", *conf.NO_EFFECT)}
 
 
 @dataclass(frozen=True, kw_only=True)

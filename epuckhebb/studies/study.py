@@ -32,12 +32,11 @@ from epuckhebb.config import (
 )
 from epuckhebb.runs import hydra
 from epuckhebb.runs.jobs import failure_text
-from epuckhebb.runtime import ConfigError, JobFailedError, path_of, refusing, say
+from epuckhebb.runtime import ConfigError, JobFailedError, conf, path_of, refusing, say
 from epuckhebb.store import STATUS, Run, RunFolder, as_json, digest, fingerprint, write_atomic
 from epuckhebb.studies.jobs import (
     JOBS,
     LIST,
-    NO_EFFECT,
     Job,
     Outcome,
     launch,
@@ -287,10 +286,9 @@ def study_named(reference: str) -> type[Study]:
 def job_name(kind: str, depends: Plain) -> str:
     """The name of the run of a job: by what it depends on, the user's files, wherever they are, and the program."""
     own = own_files(depends)
-    depends = copy.deepcopy(depends)
-    for part in (depends, depends.get("config", {})):
-        for key in NO_EFFECT:
-            part.pop(key, None)
+    depends = copy.deepcopy(conf.without(depends, conf.NO_EFFECT))
+    if "config" in depends:
+        depends["config"] = conf.without(depends["config"], conf.NO_EFFECT)
     for part, key, _, name in list(own_references(depends)):
         part[key] = name
     return f"{kind}_{fingerprint(depends, own=[file.digest for file in own.values()])}"

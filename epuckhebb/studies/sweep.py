@@ -19,7 +19,6 @@ from epuckhebb.analysis.lifetimes import Evaluated, Gathered, gather
 from epuckhebb.analysis.statistics import intervals_over
 from epuckhebb.analysis.tables import Table
 from epuckhebb.config import (
-    EvaluateConfig,
     OwnFile,
     Plain,
     alternatives,
@@ -34,7 +33,7 @@ from epuckhebb.config import (
 )
 from epuckhebb.controller.ranges import check_values
 from epuckhebb.runs import as_evolved, evaluate_into, evolved, hydra, prepare_evaluation
-from epuckhebb.runtime import ConfigError, say
+from epuckhebb.runtime import ConfigError, conf, say
 from epuckhebb.store import (
     Content,
     Genome,
@@ -47,7 +46,7 @@ from epuckhebb.store import (
     of_multirun,
     write_atomic,
 )
-from epuckhebb.studies.jobs import NO_EFFECT, Job, Outcome, split
+from epuckhebb.studies.jobs import Job, Outcome, split
 from epuckhebb.studies.study import Planned, Study, prepare
 
 if TYPE_CHECKING:
@@ -95,7 +94,7 @@ class Sweep(Study):
 
     def folder(self, jobs: Sequence[Job]) -> Path:
         """Its folder, by its jobs: the same jobs, the same folder."""
-        settings = digest([digest(_without(job.config, NO_EFFECT)) for job in jobs])
+        settings = digest([digest(conf.without(job.config, conf.NO_EFFECT)) for job in jobs])
         return Path("runs") / "sweep" / f"{self.name}_{settings[:8]}"
 
     def report(self, folder: RunFolder, planned: Planned, outcome: Outcome) -> None:
@@ -152,34 +151,26 @@ class Identities:
     """Names the runs of configurations, and checks these; what many share is checked once."""
 
     def __init__(self) -> None:
-        self._shared: dict[str, EvaluateConfig] = {}
+        self._shared: dict[str, Any] = {}
         self._genomes: dict[tuple[str, str], Genome] = {}
         self._load_genome = functools.cache(load_genome)
 
     def of(self, config: Plain) -> str:
         """The name of the run of a configuration, from all that its results depend on at this moment."""
-        if "environment" in config:
-            genome = prepare_evaluation(from_values(config, schema_of("evaluate", config), "a job")).genome
-            environment = _without(config["environment"], ["processes"])
-            values = {**_without(config, NO_EFFECT), "environment": environment}
-            return f"job_{fingerprint(values, genome, own_sources(config))}"
+        schema = schema_of("evaluate", config)
         try:
-            check_values(EvaluateConfig, config)
+            check_values(schema, config)
         except ValueError as error:
             raise ConfigError(str(error)) from error
-        shared = digest(_without(config, _APART))
+        shared = digest(conf.without(config, _APART))
         if shared not in self._shared:
-            self._shared[shared] = from_values(config, EvaluateConfig, "a job")
+            self._shared[shared] = from_values(config, schema, "a job")
         key = shared, config["genome"]
         if key not in self._genomes:
             job = self._shared[shared]
             genome = self._load_genome(config["genome"], job.world.experiment, job.shape)
             self._genomes[key] = prepare_evaluation(job, genome).genome
-        return f"job_{fingerprint(_without(config, NO_EFFECT), self._genomes[key], own_sources(config))}"
-
-
-def _without(config: Plain, keys: Sequence[str]) -> Plain:
-    return {key: value for key, value in config.items() if key not in keys}
+        return f"job_{fingerprint(conf.without(config, conf.NO_EFFECT), self._genomes[key], own_sources(config))}"
 
 
 def write_summary_of_multirun(folder: Path) -> None:

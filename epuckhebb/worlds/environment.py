@@ -102,10 +102,12 @@ class World:
     make: Callable[..., Any]
     functions: Mapping[str, Callable[[Any], None]] = field(default_factory=dict)
 
-    @cached_property
+    @property
     def name(self) -> str:
         """What it is called."""
         return self.settings.name
+
+    experiment = name  # by which its champions are known
 
     @cached_property
     def _env(self) -> Any:

@@ -1,4 +1,4 @@
-"""Evolutions and evaluations in environments of Gymnasium, with the same run folders as in the maze.
+"""An environment of Gymnasium as a world: its lifetimes, in processes, and what is written of them.
 
 Environments hold the lock of Python, so lifetimes run in processes. What each is depends on its seed alone: results
 are bit-identical with any number of processes.
@@ -11,38 +11,29 @@ import json
 import math
 import time
 import zlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from epuckhebb.analysis.tables import Rows, plain
-from epuckhebb.config import (
-    EnvironmentConfig,
-    EvaluateEnvironment,
-    EvolveEnvironment,
-    from_values,
-    schema_of,
-)
+from epuckhebb.config import EnvironmentConfig, from_values, schema_of
 from epuckhebb.controller import random
-from epuckhebb.controller.compiling.sources import own_code
+from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.controller import Controller
 from epuckhebb.controller.genome import plan_of
+from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.control import Sign, signs, signs_of_draw
-from epuckhebb.controller.plasticity.rule import NoRule
+from epuckhebb.controller.plasticity.rule import Acts, NoRule
 from epuckhebb.controller.random import Stream
-from epuckhebb.evolution.evolve import Generation, search_generations
-from epuckhebb.evolution.search import check_start
+from epuckhebb.evolution.evolve import Evaluator
 from epuckhebb.runs import hydra
-from epuckhebb.runs.evaluate import Figures, check_rules, compiling, prepare_evaluation
-from epuckhebb.runs.evolve import PreparedEvolution, prepare_evolution
-from epuckhebb.runtime import ConfigError, refusing
-from epuckhebb.store import Genome, RunFolder, digest, load_genome
+from epuckhebb.runtime import ConfigError, compiling, refusing
+from epuckhebb.store import Genome
 from epuckhebb.worlds.environment import Lived
+from epuckhebb.worlds.world import Figures, World, Write
 
-Floats = NDArray[np.float64]
 _CHUNKS = 4  # of the work of each process, whose parts take different times
 _WORTH_S = 20.0  # of work, from which on processes are worth their start
 _MOST_SEED = 2**31 - 1
@@ -100,39 +91,29 @@ def _live_chunk(command: str, values: str, is_fresh: bool, works: Sequence[Work]
 
 
 def _controller(config: EnvironmentConfig, work: Work) -> Controller:
-    tested, step_s = config.controllers[work.number], config.environment.step_s
-    return Controller(work.genes, config.network_made, tested.rule, signs=work.signs, step_s=step_s)
+    rule = replace(config.controllers[work.number].rule, acts=Acts.always)  # `live` ends it
+    return Controller(work.genes, config.network_made, rule, signs=work.signs, step_s=config.environment.step_s)
 
 
 def _live(config: EnvironmentConfig, work: Work, is_fresh: bool) -> list[Lived]:
-    controller, frozen = _controller(config, work), config.controllers[work.number].frozen
+    controller = _controller(config, work)
+    frozen = config.controllers[work.number].rule.acts is Acts.before_change
     return [
         config.world.live(controller, seed, frozen=frozen, record=work.record, is_fresh=is_fresh) for seed in work.seeds
     ]
 
 
-def _findings(config: EnvironmentConfig) -> tuple[str, ...]:
-    with refusing():
-        return config.world.findings.notes
-
-
-def _compile(config: EnvironmentConfig) -> None:
-    """Load or compile the step of the controllers, before processes do."""
-    genes = np.zeros(plan_of(config.network_made, type(config.rule)).genes)
-    with compiling():
-        _controller(config, Work(0, genes, ())).act(np.zeros(config.network_made.inputs))
-
-
 @dataclass(frozen=True, kw_only=True)
-class _Evaluator:
-    """Runs the lifetimes of a population; see `evolution.evolve.Evaluator`."""
+class _Evaluator(Evaluator):
+    """Runs the lifetimes of a population. loops: of each individual in a generation."""
 
-    config: EvolveEnvironment
+    config: Any
     processes: int
 
     @property
     def lifetimes(self) -> int:
-        return self.config.schedule.loops
+        """How many lifetimes each individual runs in a generation."""
+        return int(self.config.schedule.loops)
 
     def evaluate(
         self,
@@ -140,6 +121,7 @@ class _Evaluator:
         generation: int,
         measures: Sequence[str] = (),  # noqa: ARG002  # the maze has some
     ) -> tuple[Floats, Floats, dict[str, Floats], int]:
+        """Mean fitness of each individual, nan for success, no measures, and the steps that were run."""
         seed, loops = self.config.seed, range(self.lifetimes)
         seeds = tuple(seed_of(seed, Stream.training_noise, generation, loop) for loop in loops)
         works = [Work(0, genes, seeds) for genes in population]
@@ -148,91 +130,56 @@ class _Evaluator:
         steps = sum(len(lived.rewards) for lives in found for lived in lives)
         return fitness, np.full(len(fitness), np.nan), {}, steps
 
-    def again(self, genes: Floats, generation: int) -> None:
-        """Not measured in an environment."""
 
+@dataclass(frozen=True)
+class Gymnasium(World):
+    """The environment of a run of `evaluate` or `evolve`. config: its settings."""
 
-@dataclass(frozen=True, kw_only=True)
-class PreparedEnvironmentEvolution(PreparedEvolution):
-    """An evolution in an environment, which begins at random genes, and remembers nothing of it."""
-
-    config: EvolveEnvironment
+    config: Any
 
     @property
-    def notes(self) -> tuple[str, ...]:
-        """What random actions show of the environment."""
-        return _findings(self.config)
-
-    def compile(self) -> None:
-        """Load or compile what the lifetimes need."""
-        _compile(self.config)
-
-    def evolve(self, threads: int, after: Generation | None) -> Iterator[Generation]:
-        """The generations of the evolution."""
-        config, evaluator = self.config, _Evaluator(config=self.config, processes=threads)
-        count = config.schedule.generations
-        return search_generations(
-            config.algorithm, evaluator, count, config.seed, after, network=self.network, rule=config.rule
-        )
-
-    def nominal(self, last: Generation, threads: int) -> None:
-        """There are no nominal statistics of an environment."""
+    def identity(self) -> tuple[Any, ...]:
+        """The settings of the environment, but for its processes."""
+        return ({key: value for key, value in asdict(self.config.environment).items() if key != "processes"},)
 
     @property
-    def evolved_for(self) -> dict[str, Any]:
-        """What the champion's file says of the world."""
+    def facts(self) -> Mapping[str, Any]:
+        """The name of the environment."""
         return {"robot": self.config.world.name, "lights": 0, "environment": self.config.world.name}
 
+    def check_genome(self, genome: Genome) -> None:
+        """Refuse a genome for another network."""
+        if genome.network != self.config.network_made:
+            evolved = f"a network {genome.network}{f' of {genome.robot}' if genome.robot else ''}"
+            here = f"environment={self.config.world.name} has {self.config.network_made}"
+            raise ConfigError(f"genome={genome.name} is for {evolved}, {here}")
 
-@prepare_evolution.register
-def _(config: EvolveEnvironment, *, has_genome: bool = True) -> PreparedEnvironmentEvolution:  # noqa: ARG001
-    network = config.network_made
-    with refusing():
-        search = check_start(config.algorithm, config.plan, config.seed)
-    if search.measures:
-        raise ConfigError(f"optimizer {config.algorithm.name}: `tell` gets fitness alone in an environment")
-    return PreparedEnvironmentEvolution(config=config, network=network, plan=plan_of(network, type(config.rule)))
+    def notes(self, genome: Genome | None = None) -> list[str]:
+        """What random actions show of the environment, and how the evolution of a champion differs."""
+        notes = []
+        if genome is not None and genome.environment not in ("", self.config.world.name):
+            notes.append(f"This champion was evolved in {genome.environment}.")
+        if genome is not None and genome.rule and isinstance(self.config.rule, NoRule):
+            notes.append(f"This champion was evolved with the rule {genome.rule}, which is off here.")
+        with refusing():
+            return [*notes, *self.config.world.findings.notes]
 
+    def compile(self, network: Network) -> None:
+        """Load or compile the step of the controllers, before processes do."""
+        with compiling():
+            for number, controller in enumerate(self.config.controllers):
+                genes = np.zeros(plan_of(network, type(controller.rule)).genes)
+                _controller(self.config, Work(number, genes, ())).act(np.zeros(network.inputs))
 
-@dataclass(frozen=True, kw_only=True)
-class PreparedEnvironmentEvaluation:
-    """An evaluation in an environment; see `runs.evaluate.PreparedEvaluation`."""
-
-    config: EvaluateEnvironment
-    genome: Genome
-
-    @property
-    def notes(self) -> list[str]:
-        """What a reader must know beside the table."""
-        trained, rule = self.genome.environment, self.genome.rule
-        notes = [] if trained in ("", self.config.world.name) else [f"This champion was evolved in {trained}."]
-        is_off = rule and isinstance(self.config.rule, NoRule)
-        notes += [f"This champion was evolved with the rule {rule}, which is off here."] if is_off else []
-        return [*notes, *_findings(self.config)]
-
-    @property
-    def lifetime_ids(self) -> dict[str, str]:
-        """For each controller a digest of what its lifetimes depend on, besides repeat and seed."""
-        environment = {key: value for key, value in asdict(self.config.environment).items() if key != "processes"}
-        everywhere = [self.genome.sha256, repr(self.genome.network), environment]
-        return {one.name: digest([everywhere, repr(one), own_code(one.rule)]) for one in self.config.controllers}
-
-    def compile(self) -> None:
-        """Load or compile what the lifetimes need."""
-        _compile(self.config)
-
-    def remember(self, threads: int) -> None:
-        """A champion of an environment remembers nothing of it."""
-
-    def works(self, repeats: Iterable[int]) -> list[Work]:
+    def works(self, genome: Genome, repeats: Iterable[int]) -> list[Work]:
         """The lifetimes of each controller, one by one; all have the same seeds."""
-        config, genes = self.config, self.genome.genes
+        config, genes = self.config, genome.genes
         drawn = signs_of_draw(config.rule.sign_draw, zlib.crc32(genes.tobytes()))
         control = signs(Sign.shuffled, config.network_made.synapses, drawn)
         return [
             Work(
                 number,
-                self.genome.plan.pick(genes, plan_of(config.network_made, type(tested.rule))),
+                genome.plan.pick(genes, plan_of(config.network_made, type(tested.rule))),
                 (seed_of(config.seed, Stream.evaluation_noise, repeat),),
                 control if tested.rule.sign is Sign.shuffled and config.rule.sign is not Sign.shuffled else None,
                 record=True,
@@ -241,14 +188,14 @@ class PreparedEnvironmentEvaluation:
             for repeat in repeats
         ]
 
-    def run(self, threads: int) -> tuple[Rows, list[Lived]]:
+    def run(self, genome: Genome, nominal: None, threads: int) -> tuple[Rows, list[Lived]]:  # noqa: ARG002
         """Run the lifetimes, and a row of each."""
-        config, works = self.config, self.works(range(self.config.repeats))
+        config, works = self.config, self.works(genome, range(self.config.repeats))
         lives = [lived for (lived,) in run_lifetimes(config, works, threads)]
         names = [config.controllers[work.number] for work in works]
         rows = [
             {
-                "genome": self.genome.name,
+                "genome": genome.name,
                 "environment": config.world.name,
                 "change": config.change_text,
                 "controller": tested.name,
@@ -262,47 +209,36 @@ class PreparedEnvironmentEvaluation:
         ]
         return rows, lives
 
-    def write(self, run: RunFolder, nominal: None, threads: int) -> Figures:  # noqa: ARG002  # others have one
-        """Run the lifetimes, and write their tables. Returns what its figure needs."""
+    def write(self, write: Write, genome: Genome, rows: Rows, recorded: list[Lived]) -> Figures:
+        """Write the table of returns, and what happened over a lifetime."""
         import pandas as pd  # takes a while to load
 
         from epuckhebb.analysis import environments as analysis
 
-        rows, lives = self.run(threads)
-        names = [row["controller"] for row in rows]
-        course = analysis.over_lifetime(names, lives, self.config.environment.horizon)
-        metrics = pd.DataFrame(rows)
-        table = analysis.table(metrics)
-        run.write("metrics.csv", rows)
-        run.write("lifetime.csv", course)
-        run.write("table.csv", table)
-        below = [*self.notes, *(analysis.unreached(table) if self.config.environment.changes else ())]
-        run.write("table.md", "\n".join([analysis.readable(table).markdown(), *(f"{plain(note)}\n" for note in below)]))
+        names, environment = [row["controller"] for row in rows], self.config.environment
+        course = analysis.over_lifetime(names, recorded, environment.horizon)
+        table = analysis.table(pd.DataFrame(rows))
+        write("lifetime.csv", course)
+        write("table.csv", table)
+        below = [*self.notes(genome), *(analysis.unreached(table) if environment.changes else ())]
+        write("table.md", "\n".join([analysis.readable(table).markdown(), *(f"{plain(note)}\n" for note in below)]))
         return {"lifetime": (pd.DataFrame(course),)}
 
-
-@prepare_evaluation.register
-def _(config: EvaluateEnvironment, genome: Genome | None = None) -> PreparedEnvironmentEvaluation:
-    network = config.network_made
-    if genome is None:
-        genome = load_genome(config.genome, config.environment.name, network.wiring)
-    if genome.network != replace(network, rewarded=genome.network.rewarded):
-        evolved = f"a network {genome.network}{f' of {genome.robot}' if genome.robot else ''}"
-        raise ConfigError(f"genome={genome.name} is for {evolved}, environment={config.world.name} has {network}")
-    check_rules(genome, network, [(tested.name, tested.rule) for tested in config.controllers])
-    return PreparedEnvironmentEvaluation(config=config, genome=genome)
+    def evaluator(self, network: Network, threads: int) -> _Evaluator:  # noqa: ARG002  # it is that of the settings
+        """What runs the lifetimes of an evolution."""
+        return _Evaluator(config=self.config, processes=threads)
 
 
-def film(config: EvaluateEnvironment) -> bytes:
+def film(config: Any, genome: Genome) -> bytes:
     """A GIF of the first lifetime of the rule of an evaluation, or of the network alone, drawn by the environment.
 
     It shows a frame a step: as many before the change as after it, or the first ones.
     """
     from PIL import Image, ImageOps
 
-    prepared = prepare_evaluation(config)
-    works = prepared.works(range(1))
-    work, frames, step = works[min(1, len(works) - 1)], list[Any](), itertools.count()
+    works = Gymnasium(config).works(genome, range(1))
+    work = next(work for work in works if config.controllers[work.number].rule == config.rule)
+    frames, step = list[Any](), itertools.count()
     lived, change = _live(config, work, True)[0], config.world.split if config.environment.changes else math.inf
     begin = max(0, min(change, len(lived.rewards)) - _FRAMES // 2) if config.environment.changes else 0
 
