@@ -24,7 +24,7 @@ def test_a_figure_that_fails_leaves_the_rest(run, monkeypatch):
     monkeypatch.setattr(figures, "trajectories", no_figure)
     failed = call("evaluate", *QUICK, "hydra.run.dir=run")
     assert failed.exit_code == 1
-    assert f"a job failed: {run}: ValueError: no font" in failed.stderr
+    assert f"a job failed: {run.absolute()}: ValueError: no font" in failed.stderr
     kept = {"metrics.csv", "table.csv", "table.md", "traces.npz"}
     status = json.loads((run / "status.json").read_text())
     assert status["state"] == "failed"
