@@ -60,5 +60,10 @@ def test_little_is_imported_of_the_private_inside_of_libraries():
     assert sum(bool(private.search(source)) for source in sources) <= 6
 
 
+def test_a_docstring_can_be_read_alone():
+    sources = {module: file.read_text(encoding="utf-8") for module, file in MODULES.items()}
+    assert [module for module, source in sources.items() if re.search(r'"""(See `|The same\b)', source)] == []
+
+
 def test_settings_are_few_files():
     assert len(list(data_folder("conf").rglob("*.yaml"))) <= 60

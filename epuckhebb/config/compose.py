@@ -27,7 +27,7 @@ def load(schema: type[Config], overrides: list[str], config_dir: str | None = No
 
 
 def load_any(command: str, overrides: list[str], config_dir: str | None = None) -> Any:
-    """The same of `evolve` or `evaluate`, in the maze or in an environment."""
+    """The checked configuration of `evolve` or `evaluate`, in the maze or in an environment."""
     found = composed_with_hydra(command, overrides, config_dir)
     return typed(found.cfg, SCHEMAS[found.command])
 
@@ -38,7 +38,7 @@ def composed(command: str, overrides: list[str], config_dir: str | None = None) 
 
 
 def composed_with_hydra(command: str, overrides: list[str], config_dir: str | None) -> Composed:
-    """The same, with what Hydra keeps for itself."""
+    """The configuration that a command would run with these overrides, with what Hydra keeps for itself."""
     found = by_hydra(command, overrides, config_dir)
     resolve(found.command, found.cfg, found.choices, found.words, folders_of(found.hydra.runtime))
     return found
