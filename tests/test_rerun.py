@@ -95,7 +95,7 @@ def test_a_repeated_run_is_the_same_bytes(run):
     assert json.loads((again / "provenance.json").read_text())["rerun_of"] == "run"
 
 
-def test_a_machine_with_other_functions_is_told(run, monkeypatch):
+def test_a_machine_with_other_functions_is_named(run, monkeypatch):
     assert "tanh" not in call("rerun", str(run)).stderr
     monkeypatch.setattr(provenance, "functions_digest", lambda: "0" * 12)
     result = call("rerun", str(run))

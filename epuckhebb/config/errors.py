@@ -8,6 +8,7 @@ from epuckhebb.runtime import did_you_mean
 
 _KEY = "full_key:"  # before the key, on a line of its own
 _NOISE = ("object_type=", "reference_type=", "provider=")  # lines that say nothing to a user
+_AS_TEXT = "it has keys below it; in a file, a choice stands in its defaults, as `- override /scenario: lowlight`"
 _EXTRAS = {"submitit": "slurm", "ray": "ray"}  # launcher -> the extra of this package that has it
 
 
@@ -40,7 +41,7 @@ def explain(error: BaseException) -> str:
     )
     message = re.sub(r"Key 'experiment' not in .*", "its first line must be `# @package _global_`", message)
     as_text = r"(Merge error: str is not a subclass of \w+Config|Cannot assign str to Dict\[str, Any\]).*"
-    message = re.sub(as_text, "choices stand in a file's defaults, as `- override /scenario: lowlight`", message)
+    message = re.sub(as_text, _AS_TEXT, message)
     message = re.sub(r"Key '(\w+)\.(\S+)' not in .*", r"in YAML, \1.\2 is written \1: {\2: ...}", message)
     message = message.replace("Unexpected type for root: NoneType", "keys of ga are those of optimizer=ga alone")
     launcher = re.search(rf"'hydra/launcher/({'|'.join(_EXTRAS)})(_\w+)?'", message)

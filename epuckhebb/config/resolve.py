@@ -18,7 +18,6 @@ from epuckhebb.config import environments, hand
 from epuckhebb.config.build import scenario_from
 from epuckhebb.config.catalogue import NULL
 from epuckhebb.config.errors import explain
-from epuckhebb.config.overrides import parsed
 from epuckhebb.config.parts import KINDS, NONE, PAPER, PART_GROUPS, part_class, part_from
 from epuckhebb.config.plugins import own_references
 from epuckhebb.config.schema import ScenarioConfig, WorldConfig
@@ -120,9 +119,9 @@ def _make_changes(cfg: DictConfig, choices: dict[str, str], folders: Sequence[Pa
 
 def _check_idle(cfg: DictConfig, overrides: Sequence[str]) -> None:
     """Refuse overrides of keys that the physics ignores."""
-    for override in parsed(overrides):
-        key = override.key_or_group
-        if any(f"{key}.".startswith(f"{idle}.") for idle in _ignored(cfg)):
+    ignored = tuple(f"{key}." for key in _ignored(cfg))
+    for key in (word.lstrip("+~").partition("=")[0] for word in overrides):
+        if f"{key}.".startswith(ignored):
             raise ConfigError(f"{key} does nothing with physics={cfg.physics.kind}; give physics=ode, or leave it out")
 
 
@@ -303,10 +302,10 @@ def differences(cfg: DictConfig, choices: Mapping[str, str], world: Named) -> It
     if (wiring := mine["network.wiring"]) != LAYERS:
         its |= {f"network.{field.name}": field.default for field in fields(part_class("wiring", wiring, "network"))}
     raw, its_raw = _values(cfg, resolve=False), _values(world.cfg, resolve=False)
-    idle = _idle(cfg)
+    idle = tuple(f"{key}." for key in _idle(cfg))
     for key, value in mine.items():
         is_same = (
-            any(f"{key}.".startswith(f"{one}.") for one in idle)
+            f"{key}.".startswith(idle)
             or value == its.get(key, "null")
             or (key in its_raw and raw.get(key) == its_raw[key])
         )

@@ -81,25 +81,24 @@ def check_values(kind: Any, values: Mapping[str, Any], prefix: str = "") -> None
     A subclass that gives a field another default keeps the range.
     """
     for one in fields(kind):
-        value, allowed = values.get(one.name, one.default), _range_of(kind, one.name)
+        value, allowed = values.get(one.name, one.default), _declared(kind, one.name, "range")
         if allowed is not None and value != one.default:
             check_value(f"{prefix}.{one.name}" if prefix else one.name, value, allowed, one.default)
 
 
-def _range_of(kind: type, name: str) -> Range | None:
-    """The range of a field, of the class that declares one."""
+def _declared(kind: type, name: str, what: str) -> Any:
+    """What `within` says of a field, of the class that declares it; None if it says nothing."""
     declared = (getattr(base, "__dataclass_fields__", {}).get(name) for base in kind.__mro__)
-    return next((one.metadata["range"] for one in declared if one is not None and "range" in one.metadata), None)
+    return next((one.metadata[what] for one in declared if one is not None and what in one.metadata), None)
 
 
 def unusual(instance: Any, prefix: str) -> list[str]:
     """A note for each field of a dataclass whose value is more than is usual. prefix: of its keys."""
-    limits = {one.name: one.metadata["usual"] for one in fields(instance) if "usual" in one.metadata}
-    values = {name: getattr(instance, name) for name in limits}
+    limits = {one.name: _declared(type(instance), one.name, "usual") for one in fields(instance)}
     return [
-        f"{prefix}.{name}={value:g} is far more than usual, which is at most {limits[name]:g}: is its unit right?"
-        for name, value in values.items()
-        if isinstance(value, int | float) and value > limits[name]
+        f"{prefix}.{name}={value:g} is far more than usual, which is at most {limit:g}: is its unit right?"
+        for name, limit in limits.items()
+        if limit is not None and isinstance(value := getattr(instance, name), int | float) and value > limit
     ]
 
 
