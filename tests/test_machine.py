@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
-from cases import SHORT, refused
+from cases import SHORT, call, refused
 from joblib import cpu_count
 
 from epuckhebb.controller.network import PAPER_NETWORK
@@ -88,10 +88,15 @@ def test_a_reader_that_stops_does_not_stop_the_work():
 
 
 def test_who_waits_for_a_compiler_is_told(monkeypatch, capsys):
-    monkeypatch.setattr(progress, "_SLOW_S", 0.0)
+    monkeypatch.setattr(progress, "_SOON_S", 0.0)
     monkeypatch.setattr(maze, "load_kernel", lambda *_, **__: time.sleep(0.3))
     maze.compile_for([], PAPER_NETWORK, Scenario())
     assert "Compiling" in capsys.readouterr().err
+
+
+def test_a_command_says_soon_what_it_does(here, monkeypatch):
+    monkeypatch.setattr(progress, "_SOON_S", 0.0)
+    assert call("keys", "maze").stderr.startswith("keys: ")
 
 
 @pytest.mark.parametrize("where", ["environment", "file"])
@@ -102,5 +107,5 @@ def test_without_compiled_code_it_ends_with_one_message(here, where):
     else:
         environment["NUMBA_DISABLE_JIT"] = "1"
     ended = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
-    assert (ended.returncode, len(ended.stderr.splitlines())) == (2, 1)
+    assert (ended.returncode, ended.stderr.count("Error: ")) == (2, 1)
     assert "NUMBA_DISABLE_JIT" in ended.stderr

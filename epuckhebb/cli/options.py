@@ -14,7 +14,7 @@ from rich.console import Console
 from typer.core import TyperCommand
 
 from epuckhebb.cli.console import Terminal, json_text, report_errors
-from epuckhebb.runtime import LATEST, be_quiet, refusing
+from epuckhebb.runtime import LATEST, be_quiet, refusing, working
 
 
 class Command(TyperCommand):
@@ -31,7 +31,7 @@ class Command(TyperCommand):
 
     def invoke(self, ctx: Any) -> Any:
         """Do what the command does."""
-        with report_errors():
+        with report_errors(), working(f"{ctx.info_name}: loading libraries and settings."):
             with refusing(lambda _: "the working folder was removed; change to one that is there", FileNotFoundError):
                 Path.cwd()
             return super().invoke(ctx)

@@ -22,7 +22,7 @@ from epuckhebb.runtime.errors import (
     open_folders,
     refusing,
 )
-from epuckhebb.runtime.progress import bar, be_quiet, compiling, counting, say
+from epuckhebb.runtime.progress import bar, be_quiet, compiling, counting, say, working
 from epuckhebb.runtime.resources import (
     LATEST,
     REFERENCE,

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 _QUIET = "EPUCKHEBB_QUIET"  # environment variable, so that the workers of a launcher see it too
 _EVERY_S = 0.5  # between looks at how many jobs are done
 _LOG_S = 30.0  # between bars where none can move
-_SLOW_S = 2.0  # after which something takes longer than usual
+_SOON_S = 0.8  # after which a reader wants to know what takes time
 _LOOK = "{desc} {n_fmt}/{total_fmt} {bar:20}{postfix}  {remaining}"  # of a bar
 
 
@@ -35,16 +35,22 @@ def say(note: str) -> None:
 
 
 @contextmanager
-def compiling() -> Iterator[None]:
-    """Time in which kernels are loaded or compiled, which is said if it is long; what cannot be is a ConfigError."""
-    timer = threading.Timer(_SLOW_S, say, ["Compiling; a first start takes some ten seconds, later ones do not."])
+def working(note: str) -> Iterator[None]:
+    """Time in which something is done, which a note says if it is not over soon."""
+    timer = threading.Timer(_SOON_S, say, [note])
     timer.daemon = True
     timer.start()
     try:
-        with refusing():
-            yield
+        yield
     finally:
         timer.cancel()
+
+
+@contextmanager
+def compiling() -> Iterator[None]:
+    """Time in which kernels are loaded or compiled; what cannot be is a ConfigError."""
+    with working("Compiling: some ten seconds at the first start, less later."), refusing():
+        yield
 
 
 def bar(what: str, total: int, done: int = 0, *, quiet: bool = False) -> "tqdm[Any]":

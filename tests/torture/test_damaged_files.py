@@ -59,7 +59,7 @@ def command(*words):
         result = call(*(word.format(folder) for word in words))
         assert isinstance(result.exception, SystemExit | None), result.exc_info
         if result.exit_code:
-            assert result.stderr.startswith("Error: "), result.output
+            assert result.stderr.count("Error: ") == 1, result.output
             assert "Traceback" not in result.output
         return result.exit_code, result.stdout
 
