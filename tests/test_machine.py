@@ -94,7 +94,7 @@ def test_who_waits_for_a_compiler_is_told(monkeypatch, capsys):
     assert "Compiling" in capsys.readouterr().err
 
 
-def test_a_command_says_soon_what_it_does(here, monkeypatch):
+def test_a_command_says_soon_what_it_does(monkeypatch):
     monkeypatch.setattr(progress, "_SOON_S", 0.0)
     assert call("keys", "maze").stderr.startswith("keys: ")
 

@@ -6,10 +6,9 @@ styles differ too.
 
 import itertools
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullFormatter
@@ -24,6 +23,9 @@ from epuckhebb.tmaze.individual import GA
 from epuckhebb.tmaze.robot import EPUCK
 from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.scenario import TRAINED
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 # The palette: a hue has one meaning.
 SIDE = {"left": "#0072B2", "right": "#D55E00"}
@@ -46,7 +48,7 @@ _OWN_PANELS = 3  # changed worlds that have a panel each
 _NAMED = 8  # rates for whose names an axis has room
 
 
-def by_experiment(table: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
+def by_experiment(table: "pd.DataFrame") -> "list[tuple[str, pd.DataFrame]]":
     """The rows of each experiment; obstacles before light."""
     return sorted(table.groupby("experiment"), reverse=True)
 
@@ -75,14 +77,14 @@ def too_few() -> Figure:
     return figure
 
 
-def with_interval(axes: Axes, x: Sequence[float] | pd.Series, rows: pd.DataFrame, column: str, **look: Any) -> None:
+def with_interval(axes: Axes, x: "Sequence[float] | pd.Series", rows: "pd.DataFrame", column: str, **look: Any) -> None:
     """Draw a column of a table, with its interval where that is known."""
     y, low, high = (rows[column + end].to_numpy(float) for end in ("", "_low", "_high"))
     axes.errorbar(x, y, np.nan_to_num([y - low, high - y]), **look)
 
 
 @in_house_style()
-def dose_response(doses: pd.DataFrame) -> Figure:
+def dose_response(doses: "pd.DataFrame") -> Figure:
     """Success, weight change and saturated weights against the base rate, a row of panels for each condition.
 
     doses: of `analysis.summary.dose_response`; the rows of `GA` are without plasticity.
@@ -122,7 +124,7 @@ def dose_response(doses: pd.DataFrame) -> Figure:
 
 
 @in_house_style()
-def rescue_and_harm(over_all: pd.DataFrame, by_world: pd.DataFrame) -> Figure:
+def rescue_and_harm(over_all: "pd.DataFrame", by_world: "pd.DataFrame") -> Figure:
     """Rescued and harmed trials of each plasticity, with intervals and counts: a row of panels for each experiment.
 
     An experiment with at most three changed worlds has a panel for each, others one for all together.
@@ -147,7 +149,7 @@ def rescue_and_harm(over_all: pd.DataFrame, by_world: pd.DataFrame) -> Figure:
     return figure
 
 
-def _panels(experiment: str, over_all: pd.DataFrame, by_world: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
+def _panels(experiment: str, over_all: "pd.DataFrame", by_world: "pd.DataFrame") -> "list[tuple[str, pd.DataFrame]]":
     """The panels of an experiment: their titles, and the rows that have both intervals."""
     changed = by_world[(by_world.experiment == experiment) & (by_world.scenario != TRAINED[experiment])]
     worlds = list(changed.groupby("scenario", sort=False))
@@ -158,7 +160,7 @@ def _panels(experiment: str, over_all: pd.DataFrame, by_world: pd.DataFrame) -> 
     return [(title, own) for title, own in known if len(own)]
 
 
-def _rescue_panel(axes: Axes, own: pd.DataFrame) -> None:
+def _rescue_panel(axes: Axes, own: "pd.DataFrame") -> None:
     one_rate = own.controller.map(own.controller.value_counts() == 1)
     names = own.controller.where(one_rate, [rescue.label(row.controller, row.N) for row in own.itertuples()])
     places = np.arange(len(own))
@@ -184,7 +186,7 @@ def _rescue_panel(axes: Axes, own: pd.DataFrame) -> None:
 
 
 @in_house_style()
-def learning_curves(histories: Mapping[str, Sequence[pd.DataFrame]]) -> Figure:
+def learning_curves(histories: "Mapping[str, Sequence[pd.DataFrame]]") -> Figure:
     """Best and mean fitness over the generations, and those without plasticity where they were measured.
 
     For many evolutions these are median and quartiles.
@@ -262,7 +264,7 @@ _AROUND = (-3, 6)  # trials after the switch
 
 
 @in_house_style()
-def reversal(table: pd.DataFrame, trials: pd.DataFrame, title: str) -> Figure:
+def reversal(table: "pd.DataFrame", trials: "pd.DataFrame", title: str) -> Figure:
     """The rewarded share of each controller around a switch of the rewarded end, beside the first limit of `table`.
 
     trials: a row each; it is shown after the switch before it, or, if there is none, before the first one. Lifetimes
@@ -290,7 +292,7 @@ def reversal(table: pd.DataFrame, trials: pd.DataFrame, title: str) -> Figure:
 
 
 @in_house_style()
-def lifetime(course: pd.DataFrame, title: str, changes: Sequence[int]) -> Figure:
+def lifetime(course: "pd.DataFrame", title: str, changes: Sequence[int]) -> Figure:
     """The mean reward of a step and the weight change over a lifetime in an environment, with the changes marked.
 
     course: a row for each controller and part, of one champion or many. changes: steps.
@@ -312,7 +314,7 @@ def lifetime(course: pd.DataFrame, title: str, changes: Sequence[int]) -> Figure
 
 
 @in_house_style()
-def returns(rows: pd.DataFrame) -> Figure:
+def returns(rows: "pd.DataFrame") -> Figure:
     """The mean return before and after a change, of each rule and its controls, with intervals: a panel a change.
 
     The number beside a row is the return after the change.

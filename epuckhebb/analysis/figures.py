@@ -3,7 +3,7 @@
 import textwrap
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -13,12 +13,12 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from epuckhebb.analysis.charts import INK, SIDE
 from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.analysis.image import in_house_style, plain
 from epuckhebb.analysis.moments import arrival, timed_change_text, with_gaps
+from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.tmaze.individual import CONTROLS, GA, HEBBIAN
 from epuckhebb.tmaze.maze import SIDES, Maze, Side, boxes
@@ -35,6 +35,7 @@ _TITLES = {
 _SIGNS = "● start    ○ the robot at the end    ◌ goal    ★ lamp    grey: walls    brown: obstacles (light: for a part)"
 _PANEL = 4.2  # inches
 _SQUARES, _THICK = 400, 0.06  # of a grid a side; m of a wall that are shown
+_DIGITS = 6  # of metres: edges that are nearer to each other are one
 _DIM, _SUNNY = (np.array(to_rgb(name)) for name in ("#d5dae3", "#fff3c4"))  # floor in no and in full light
 OUTLINE = withStroke(linewidth=2, foreground="white")  # of letters
 _T = TypeVar("_T")
@@ -87,27 +88,43 @@ def _mazes(scenario: Scenario, panels: int, signs: str = _SIGNS) -> tuple[Figure
 
 def view(maze: Maze) -> tuple[float, float, float, float]:
     """Left, right, bottom and top edge [m] of a picture of a maze: where a robot can get to, and the walls around."""
-    (rows, columns), walls = np.nonzero(_floor(maze)), boxes(maze)
-    low, high = (
-        maze.arena_m * (2 * np.array([end(columns), end(rows)]) / (_SQUARES - 1) - 1) for end in (np.min, np.max)
+    floor, walls = _floor(maze), boxes(maze)
+    x, y = (
+        edges[np.flatnonzero(reached)[[0, -1]] + [0, 1]]
+        for edges, reached in ((floor.x, floor.reached.any(axis=0)), (floor.y, floor.reached.any(axis=1)))
     )
+    low, high = np.array([x, y]).T
     left, bottom = np.maximum(low - _THICK, np.maximum(walls[:, [0, 2]].min(axis=0), -maze.arena_m)).tolist()
     right, top = np.minimum(high + _THICK, np.minimum(walls[:, [1, 3]].max(axis=0), maze.arena_m)).tolist()
     return left, right, bottom, top
 
 
-def _floor(maze: Maze) -> NDArray[np.bool_]:
-    """Where one can get to from the start: whether each square of the arena is there, (squares of y, squares of x)."""
-    middle = np.linspace(-maze.arena_m, maze.arena_m, _SQUARES)
-    reach = middle[1] - middle[0]
-    free = np.ones((_SQUARES, _SQUARES), bool)
-    for left, right, bottom, top in boxes(maze):
-        inside = [(low - reach < middle) & (middle < high + reach) for low, high in ((bottom, top), (left, right))]
-        free[np.ix_(*inside)] = False
-    rooms, _ = ndimage.label(free)
-    x, y = np.abs(middle - np.array(maze.start[:2])[:, None]).argmin(axis=1)
-    floor: NDArray[np.bool_] = rooms == rooms[y, x]
-    return floor
+class _Floor(NamedTuple):
+    """Where one can get to from the start, in fields between the edges of walls, in which a maze is the same.
+
+    x, y: edges of the fields [m]. free, reached: whether no wall is in a field, and whether one gets there, (y, x).
+    """
+
+    x: Floats
+    y: Floats
+    free: NDArray[np.bool_]
+    reached: NDArray[np.bool_]
+
+
+def _floor(maze: Maze) -> _Floor:
+    walls, arena = np.round(boxes(maze), _DIGITS), maze.arena_m
+    x, y = (np.unique(np.clip([-arena, *walls[:, sides].ravel(), arena], -arena, arena)) for sides in ([0, 1], [2, 3]))
+    in_x, in_y = ((edges[1:] + edges[:-1]) / 2 for edges in (x, y))
+    free = np.ones((len(in_y), len(in_x)), bool)
+    for left, right, bottom, top in walls:
+        free[np.ix_((bottom < in_y) & (in_y < top), (left < in_x) & (in_x < right))] = False
+    reached, before = np.zeros_like(free), -1
+    reached[np.searchsorted(y, maze.start.y) - 1, np.searchsorted(x, maze.start.x) - 1] = True
+    while before < (before := int(reached.sum())):
+        for way in (reached, reached.T, reached[::-1], reached.T[::-1]):
+            way[1:] |= way[:-1]
+            reached &= free
+    return _Floor(x, y, free, reached)
 
 
 def controller_title(controller: str) -> str:
@@ -129,9 +146,11 @@ def draw_maze(axes: Axes, scenario: Scenario) -> list[Artist]:
     """
     worlds = [world for _, world in replace(scenario, hand=()).phases]  # changes by hand are too many for a picture
     axes.set_facecolor(floor_colour(scenario))
+    floor, arena = _floor(scenario.maze), scenario.maze.arena_m
+    squares = np.linspace(-arena, arena, _SQUARES)
+    fields = np.ix_(*(np.searchsorted(edges[1:-1], squares) for edges in (floor.y, floor.x)))
     beyond = np.zeros((_SQUARES, _SQUARES, 4))
-    beyond[~ndimage.binary_dilation(_floor(scenario.maze), iterations=2)] = to_rgba("white")
-    arena = scenario.maze.arena_m
+    beyond[(floor.free & ~floor.reached)[fields]] = to_rgba("white")
     wall, obstacle = {"color": WALL, "zorder": 1.5}, {"color": OBSTACLE, "alpha": 1 / len(worlds)}
     looks: list[tuple[Any, Any]] = [(edges, wall) for edges in boxes(scenario.maze)]
     looks += [(edges, obstacle) for world in worlds for edges in world.boxes[len(world.maze.walls) :]]

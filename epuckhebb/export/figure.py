@@ -26,7 +26,7 @@ def _of_run(run: Run, name: str) -> Figure:
         return figures.lifetime(config_of(run, "evaluate"), run.provenance["genome"], run.table("lifetime.csv"))
     if name == "learning":
         optimizer = load_genome(str(run.path), "").optimizer  # an own one is not loaded with the settings
-        return figures.learning(config_of(run, "evolve"), optimizer, run.rows("history.csv"))
+        return figures.learning(config_of(run, "evolve"), optimizer, run.table("history.csv"))
     shown = recording(run.path)
     traces, world = shown.traces, shown.config.world
     if name == "trajectories":

@@ -261,7 +261,7 @@ def evolve_after(
         for name, table in last.tables.items():
             run.write(f"{name}.csv", table)
         report(run.path)
-        draw(run, config, config.algorithm.name, {"learning": (Run(run.path).rows("history.csv"),)})
+        draw(run, config, config.algorithm.name, {"learning": (Run(run.path).table("history.csv"),)})
 
 
 def _write_generation(run: RunFolder, state: Checkpoint, prepared: PreparedEvolution) -> None:
