@@ -109,6 +109,7 @@ try {
     else if (kind === SAMPLES) take(payload);
     if (kind === SAMPLES && isNew) {
       isNew = false;  // a new life waits for its page
+      await doKept();
       if (samples === 1 && !isLink && !matchMedia("(prefers-reduced-motion: reduce)").matches) setPlaying(true);
     }
     redraw();

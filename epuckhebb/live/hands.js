@@ -23,9 +23,18 @@ function seek(t) {
   redraw();
 }
 
+const joined = (before, values) => ({ ...before, ...values, ...(values.lamp && { lamp: { ...before?.lamp, ...values.lamp } }) });
+
+/** Keep a wish for the life that is being prepared: this one ends with it. */
+function keep(values) {
+  remember("kept", joined(recall("kept", {}), values));
+  complain("it comes with the new life");
+}
+
 /** Ask for a change; while one is on its way, newer values replace older ones. */
 async function change(values) {
-  waiting = { ...waiting, ...values, ...(values.lamp && { lamp: { ...waiting?.lamp, ...values.lamp } }) };
+  if (now.prepares) { keep(values); return; }
+  waiting = joined(waiting, values);
   if (isBusy) return;
   isBusy = true;
   while (waiting) {
@@ -95,14 +104,34 @@ function select(thing) {
   redraw();
 }
 
-/** Put a block where the robot is going, or beside it where there is floor. */
+const BLOCK = 0.03;  // m a side
+
+/** Whether a block fits at a place, and no wall is between it and a robot. */
+function isInSight(x, y, from) {
+  const corners = [[-1, -1], [-1, 1], [1, -1], [1, 1]].map(([i, j]) => [x + i * BLOCK / 2, y + j * BLOCK / 2]);
+  const way = [0.2, 0.4, 0.6, 0.8].map((part) => [from.x + part * (x - from.x), from.y + part * (y - from.y)]);
+  return [...corners, ...way].every((at) => isFloor(...at));
+}
+
+/** Put a block where the robot is going, or beside it where there is room. */
 function add() {
+  if (now.prepares) { keep({ blocks: (recall("kept", {}).blocks ?? 0) + 1 }); return; }
   if (world.placed.length >= data.mostBlocks) { complain(`${data.mostBlocks} blocks are as many as there can be`); return; }
-  const { x, y, heading } = placeOf("robot"), away = 2.4 * robot.radius;
-  const ways = [0, 0.8, -0.8, 1.6, -1.6, 2.4, -2.4, Math.PI].map((turn) => [x + away * Math.cos(heading + turn), y + away * Math.sin(heading + turn)]);
-  const [bx, by] = ways.find((way) => isFloor(...way)) ?? ways[0];
-  place([...world.placed, [bx, by, 0.03, 0.03]]);
+  const from = placeOf("robot"), away = 2.4 * robot.radius;
+  const ways = [0, 0.8, -0.8, 1.6, -1.6, 2.4, -2.4, Math.PI].map((turn) => [from.x + away * Math.cos(from.heading + turn), from.y + away * Math.sin(from.heading + turn)]);
+  const found = ways.find(([x, y]) => isInSight(x, y, from));
+  if (!found) { complain("there is no room for a block beside the robot"); return; }
+  place([...world.placed, [...found, BLOCK, BLOCK]]);
   select(world.placed.length - 1);
+}
+
+/** Do what was wished while this life was being prepared, before it begins. */
+async function doKept() {
+  const { blocks = 0, ...values } = recall("kept", {});
+  remember("kept", {});
+  if (Object.keys(values).length) change(values);
+  for (let i = 0; i < blocks; i++) add();
+  while (isBusy) await new Promise(requestAnimationFrame);
 }
 
 function drop() {
@@ -114,6 +143,7 @@ function drop() {
 /** Take the news of the world. */
 function follow(news) {
   if (news.life !== undefined && news.life !== data.life) { location.reload(); return; }
+  if (now.prepares && !news.prepares) remember("kept", {});  // that life could not be made
   const moved = now.byHand !== news.byHand, isNew = JSON.stringify(news.world) !== JSON.stringify(now.world);
   now = structuredClone(news);
   if (isNew && (!previews || !news.pending)) {
@@ -155,7 +185,7 @@ function controls() {
   const nearest = RATES.reduce((best, rate, i) => (Math.abs(rate - world.rate) < Math.abs(RATES[best] - world.rate) ? i : best), 0);
   show("light", world.light, world.light.toFixed(2));
   show("intensity", world.lamp.intensity, world.lamp.intensity.toFixed(2));
-  show("rate", nearest, `${world.rate} × ${brief(data.N)}`);
+  show("rate", nearest, `N = ${brief(world.rate * data.N)}`);
   show("left_wheel", world.left, `${Math.round(100 * world.left)} %`);
   show("right_wheel", world.right, `${Math.round(100 * world.right)} %`);
   $("lit").setAttribute("aria-pressed", world.lit);

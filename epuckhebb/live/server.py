@@ -163,7 +163,8 @@ class Play:
                 raise ValueError(f"{word} is not for a page to set; type it after `epuckhebb play`")
         self._set(prepares=" ".join(word for word in words if word not in known) or "a new life")
         try:
-            self._set(world=self._new(words, side, changes), is_playing=False, trouble="", life=self.life + 1)
+            world = self._new(words, side, changes)
+            self._set(world=world, is_playing=False, trouble="", life=self.life + 1, prepares="")
         finally:
             self._set(prepares="")
 

@@ -64,7 +64,7 @@ function flag(life, c, t) {
   if (verdict && k >= END_OF_LIFE - 1) return verdict[c] ? ["✓", "succeeded", "won"] : ["✗", "failed", "lost"];
   if (!visit) return ["", "", ""];
   const at = `${(visit.k * data.interval).toFixed(0)} s`;
-  return visit.isThere ? ["⚑", `at the goal since ${at}`, "there"] : ["⚐", `left the goal at ${at}`, "left"];
+  return visit.isThere ? ["⚑", `at goal since ${at}`, "there"] : ["⚐", `left goal at ${at}`, "left"];
 }
 
 /** The end of the life in a sentence. */

@@ -5,6 +5,7 @@ See `conftest.py` for the browser, which runs on one core.
 
 import math
 import os
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -145,6 +146,48 @@ def test_blocks_are_set_down_moved_and_taken_away(play, live):
     assert math.dist(placed[:2], (0.0, 0.17)) < 0.02
     page.locator("#drop").click()
     wait_until(page, lambda now: now["now"]["world"]["placed"] == [])
+
+
+def test_a_new_block_stands_where_robots_can_get_to(play, live):
+    page = play()
+    pause(page)
+    x, y = live.world.scenario.goals_now["left"]
+    page.evaluate(f"live.change({{ put: [{x}, {y}, {math.pi}] }})")
+    page.locator("#step").click()
+    wait_until(page, lambda now: now["now"]["byHand"] == 1)
+    page.locator("#add").click()
+    wait_until(page, lambda now: len(now["now"]["world"]["placed"]) == 1)
+    ((at_x, at_y, *_),) = state(page)["now"]["world"]["placed"]
+    assert -0.42 < at_x < 0.42  # inside of the outer walls
+    assert 0.1 < at_y < 0.22  # in the arms
+
+
+def test_what_is_pressed_while_a_life_is_prepared_comes_with_it(play, live, monkeypatch):
+    page = play()
+    pause(page)
+    make, goes_on = live._new, threading.Event()
+
+    def slowly(*words):
+        goes_on.wait(30)
+        return make(*words)
+
+    monkeypatch.setattr(live, "_new", slowly)
+    page.locator("#new").click()
+    wait_until(page, lambda now: now["now"]["prepares"])
+    page.locator("#light").fill("0.5")
+    page.locator("#add").click()
+    expect(page.locator("#trouble")).not_to_have_text("")
+    goes_on.set()
+    wait_until(page, lambda now: now["samples"] and now["now"]["world"]["placed"] and now["now"]["world"]["light"] == 0.5)
+
+
+def test_mazes_stay_where_they_are_whatever_is_said_above_them(play):
+    page = play(viewport={"width": 1100, "height": 800})
+    pause(page)
+    tops = [canvas_of(page, number).bounding_box()["y"] for number in (0, 1)]
+    flags = page.locator(".flag")
+    flags.nth(1).evaluate("flag => { flag.textContent = '⚑ at goal since 126 s'; }")
+    assert [canvas_of(page, number).bounding_box()["y"] for number in (0, 1)] == tops == [tops[0]] * 2
 
 
 def test_a_block_on_a_robot_is_refused_with_a_word(play, live):
