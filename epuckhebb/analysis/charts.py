@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator, NullFormatter
+from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 from epuckhebb.analysis import rescue
@@ -43,7 +43,6 @@ _DOSES = {
 }
 _CURVES = {"best_fitness": (INK, "-"), "mean_fitness": (SOFT, "--")}  # of an evolution
 _CURVES |= {"best_fitness_again": (KIND["post_hoc"], "-"), "best_fitness_rule_off": (KIND["post_hoc"], ":")}
-_PANELS = 4  # side by side
 _OWN_PANELS = 3  # changed worlds that have a panel each
 _NAMED = 8  # rates for whose names an axis has room
 
@@ -111,7 +110,8 @@ def dose_response(doses: "pd.DataFrame") -> Figure:
         if (own.weight_change_mean > 0).any():  # an adaptation may never act
             panels[1].set_yscale("log")
         count = own[["champions", "lifetimes"]].max()
-        in_margin(panels[2], f"n = {count.champions}" if count.champions > 1 else f"n = {count.lifetimes}")
+        n, unit = (count.champions, "champions") if count.champions > 1 else (count.lifetimes, "lifetimes")
+        in_margin(panels[2], f"n = {n}\n{unit}")
     for axes, label in zip(rows[0], _DOSES.values(), strict=True):
         axes.annotate(label, (0.5, 1.22), xycoords="axes fraction", ha="center")
     for axes in rows[-1]:
@@ -186,32 +186,33 @@ def _rescue_panel(axes: Axes, own: "pd.DataFrame") -> None:
 
 
 @in_house_style()
-def learning_curves(histories: "Mapping[str, Sequence[pd.DataFrame]]") -> Figure:
-    """Best and mean fitness over the generations, and those without plasticity where they were measured.
+def learning_curves(ways: "Mapping[str, Sequence[pd.DataFrame]]", keys: str = "") -> Figure:
+    """Best fitness over the robot-steps of evolutions: a line for each way to evolve, on one axis.
 
-    For many evolutions these are median and quartiles.
+    Of a single way, the mean fitness too, and the best one without plasticity where it was measured. Of many seeds
+    these are median and quartiles.
+
+    ways: the histories of each. keys: of the settings that the names of ways are values of.
     """
-    columns = min(len(histories), _PANELS)
-    rows = -(-len(histories) // columns)
-    figure = Figure(figsize=(4.2 * columns, 3.3 * rows))
-    panels = figure.subplots(rows, columns, squeeze=False).ravel()
-    for axes in panels[len(histories) :]:
-        axes.remove()
-    for axes, (experiment, runs) in zip(panels, histories.items(), strict=False):
-        for column, (colour, line) in _CURVES.items():
-            if column not in runs[0]:
-                continue
-            values = [run[column][: min(map(len, runs))] for run in runs]
-            low, middle, high = np.percentile(values, [25, 50, 75], axis=0)
-            generation = np.arange(1, len(middle) + 1)
-            axes.plot(generation, middle, color=colour, linestyle=line, label=column.replace("_", " "))
-            axes.fill_between(generation, low, high, color=colour, alpha=0.2, linewidth=0)
-        n = f", median and quartiles, n = {len(runs)}" if len(runs) > 1 else ""
-        axes.set(title=plain(f"{experiment}{n}"), xlabel="generation", ylabel="fitness")
-        least, most = axes.dataLim.intervaly
-        axes.set_ylim(min(0.0, least), max(1.0, 1.02 * most))  # a bonus can bring fitness above 1
-        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-        axes.legend(loc="lower right")
+    figure = Figure(figsize=(6.4, 3.8))
+    axes, (first, *others) = figure.subplots(), ways
+    curves = {column: look for column, look in _CURVES.items() if column in ways[first][0]}
+    lines = [(way, "best_fitness") for way in ways] if others else [(first, column) for column in curves]
+    for (way, column), (colour, line) in zip(lines, itertools.cycle(SERIES if others else curves.values())):
+        runs, label = ways[way], way if others else column.replace("_", " ")
+        count = min(map(len, runs))
+        low, middle, high = np.percentile([run[column][:count] for run in runs], [25, 50, 75], axis=0)
+        steps = np.median([run.robot_steps[:count].cumsum() for run in runs], axis=0)
+        named = f"{label}, n = {len(runs)}" if others else label
+        axes.plot(steps, middle, color=colour, linestyle=line, label=plain(named))
+        axes.fill_between(steps, low, high, color=colour, alpha=0.2, linewidth=0)
+    n = max(map(len, ways.values()))
+    shown = "" if n == 1 else "median and quartiles" if others else f"median and quartiles, n = {n}"
+    axes.set(title=plain(", ".join(filter(None, [first * (not others), shown]))), xlabel="robot-steps")
+    axes.set_ylabel("best fitness" if others else "fitness")
+    least, most = axes.dataLim.intervaly
+    axes.set_ylim(min(0.0, least), max(1.0, 1.02 * most))  # a bonus can bring fitness above 1
+    figure.legend(loc="outside right upper", title=plain(keys))
     return figure
 
 
@@ -295,15 +296,15 @@ def reversal(table: "pd.DataFrame", trials: "pd.DataFrame", title: str) -> Figur
 def lifetime(course: "pd.DataFrame", title: str, changes: Sequence[int]) -> Figure:
     """The mean reward of a step and the weight change over a lifetime in an environment, with the changes marked.
 
-    course: a row for each controller and part, of one champion or many. changes: steps.
+    Bands are quartiles of the lifetimes. course: a row for each controller and part. changes: steps.
     """
     drawn = Figure(figsize=(6.4, 5.6))
     panels = drawn.subplots(2, 1, sharex=True)
     for (name, own), (colour, line) in zip(course.groupby("controller", sort=False), itertools.cycle(SERIES)):
-        mean_of = own.groupby("step")[["reward", "weight_change"]].mean()
-        for axes, column in zip(panels, mean_of, strict=True):
-            axes.plot(mean_of.index, mean_of[column], color=colour, linestyle=line, label=plain(str(name)))
-    for axes, label in zip(panels, ("mean reward of a step", "weight change"), strict=True):
+        for axes, column in zip(panels, ("reward", "weight_change"), strict=True):
+            axes.plot(own.step, own[column], color=colour, linestyle=line, label=plain(str(name)))
+        panels[0].fill_between(own.step, own.reward_low, own.reward_high, color=colour, alpha=0.15, linewidth=0)
+    for axes, label in zip(panels, ("mean reward of a step, quartiles", "weight change"), strict=True):
         for step in changes:
             axes.axvline(step, color=INK, linewidth=0.8, linestyle=":")
         axes.set_ylabel(label)

@@ -22,8 +22,8 @@ _ROUND = 100  # from which on returns are read without decimals
 def over_lifetime(names: Sequence[str], lives: Sequence[Lived], horizon: int) -> list[dict[str, Any]]:
     """What happened in equal parts of a lifetime: a row for each controller and part in which a lifetime goes on.
 
-    The reward is a mean over all lifetimes: one that has ended earns nothing. Other means are over those that go on.
-    names: of the controller of each lifetime.
+    The reward is a mean over all lifetimes, with quartiles: one that has ended earns nothing. Other means are over
+    those that go on. names: of the controller of each lifetime.
     """
     edges = np.unique(np.linspace(0, horizon, min(_BINS, horizon) + 1).astype(int))
     rows: list[dict[str, Any]] = []
@@ -32,10 +32,12 @@ def over_lifetime(names: Sequence[str], lives: Sequence[Lived], horizon: int) ->
         for begin, end in itertools.pairwise(edges):
             there = [lived for lived in own if len(lived.rewards) > begin]
             if there:
-                reward = float(sum(one.rewards[begin:end].sum() for one in there)) / (len(own) * (end - begin))
+                earned = [one.rewards[begin:end].sum() / (end - begin) for one in own]
+                low, high = np.percentile(earned, [25, 75])
                 change = float(np.mean([one.weight_changes[begin:end].mean() for one in there]))
                 step = float(np.mean([one.weight_steps[begin:end].mean() for one in there]))
-                row = {"controller": name, "step": int(end), "alive": len(there) / len(own), "reward": reward}
+                row = {"controller": name, "step": int(end), "alive": len(there) / len(own)}
+                row |= {"reward": float(np.mean(earned)), "reward_low": float(low), "reward_high": float(high)}
                 rows.append(row | {"weight_change": change, "weight_step": step})
     return rows
 

@@ -199,7 +199,7 @@ def figures_of(
             "Where trials end at the paper's rates: shares of right end, wrong end and elsewhere, n in each title."
         )
         add("ends", end_charts.ends(_at_paper_rates(tables["ends"])), caption)
-        caption = "Learning curves: best and mean fitness, median and quartiles of the evolutions."
+        caption = "Learning curves: best fitness, median and quartiles of the evolutions."
         add("learning_curves", charts.learning_curves(dict(sorted(histories.items(), reverse=True))), caption)
     return made
 

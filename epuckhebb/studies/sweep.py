@@ -231,8 +231,9 @@ def figures(run: Run) -> dict[str, "Figure"]:
     from epuckhebb.analysis import charts, end_charts  # matplotlib takes a while to load
 
     if (runs := _finished(of_multirun(run.path))) and Run(runs[0]).has(_HISTORY):
-        ways = {" ".join(f"{key}={value}" for key, value in way.items()): own for way, own in _ways(runs)}
-        return {"learning": charts.learning_curves(ways)}
+        ways = _ways(runs)
+        named = {", ".join(value.rpartition(":")[2] for value in way.values()): own for way, own in ways}
+        return {"learning": charts.learning_curves(named, ", ".join(ways[0][0]))}
     drawn = {
         "dose_response": ("doses.csv", charts.dose_response),
         "rescue_and_harm": (

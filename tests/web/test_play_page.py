@@ -178,7 +178,9 @@ def test_what_is_pressed_while_a_life_is_prepared_comes_with_it(play, live, monk
     page.locator("#add").click()
     expect(page.locator("#trouble")).not_to_have_text("")
     goes_on.set()
-    wait_until(page, lambda now: now["samples"] and now["now"]["world"]["placed"] and now["now"]["world"]["light"] == 0.5)
+    wait_until(
+        page, lambda now: now["samples"] and now["now"]["world"]["placed"] and now["now"]["world"]["light"] == 0.5
+    )
 
 
 def test_mazes_stay_where_they_are_whatever_is_said_above_them(play):
