@@ -1,6 +1,10 @@
 """Our launcher configurations on the real thing: nox -s slurm and nox -s ray start what these need."""
 
+import os
 import shutil
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pandas as pd
@@ -8,6 +12,7 @@ import pytest
 from cases import call, done
 
 MY_RULE = Path(__file__).parents[1] / "examples" / "own_rule" / "my_rules.py"
+CHAMPIONS = Path(__file__).parents[1] / "runs" / "reference" / "champions"
 THREE = ["sweep", "obstacles", "lifetime.duration_s=3", "repeats=2", "hydra.sweep.dir=out"]
 
 
@@ -73,3 +78,31 @@ def test_three_jobs_on_slurm(here, monkeypatch, launcher):
 @pytest.mark.filterwarnings("default")  # Ray leaves sockets open
 def test_three_jobs_on_ray(here):
     sweep_on("ray_local", here)
+
+
+@pytest.fixture
+def cluster(tmp_path_factory, monkeypatch):
+    """A Ray cluster of this machine, started in another folder than that of the calls."""
+    ray = Path(sys.executable).with_name("ray")
+    monkeypatch.setenv("PATH", f"{ray.parent}{os.pathsep}{os.environ['PATH']}")
+    monkeypatch.setenv("RAY_raylet_start_wait_time_s", "120")
+    words = [ray, "start", "--head", "--block", "--num-cpus=2", "--include-dashboard=false", "--disable-usage-stats"]
+    with subprocess.Popen(words, cwd=tmp_path_factory.mktemp("elsewhere"), stdout=subprocess.DEVNULL) as head:
+        began = time.monotonic()
+        while subprocess.run([ray, "status"], capture_output=True, check=False).returncode:
+            assert head.poll() is None
+            assert time.monotonic() - began < 180, "Ray did not start"
+        yield
+        head.terminate()
+
+
+@pytest.mark.ray
+@pytest.mark.usefixtures("cluster")
+@pytest.mark.filterwarnings("default")
+def test_a_cluster_that_was_started_elsewhere_works_in_the_folder_of_the_call(here):
+    sweep_by_a_rule_of_ones_own_on("ray_cluster", here)
+    shutil.copy(CHAMPIONS / "obstacles_seed001.npz", here / "mine.npz")
+    words = ["-m", "genome=mine.npz", "lifetime.duration_s=3", "repeats=2", "hebbian.N=0.0002,0.0001"]
+    for launcher in ("ray_cluster", "basic"):
+        done("evaluate", *words, f"hydra/launcher={launcher}", f"hydra.sweep.dir={launcher}")
+    assert Path("ray_cluster/summary.csv").read_bytes() == Path("basic/summary.csv").read_bytes()
