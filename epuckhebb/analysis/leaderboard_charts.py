@@ -63,7 +63,6 @@ def success(board: pd.DataFrame, champions: pd.DataFrame, limits: Mapping[str, f
     right.axvline(0, color=INK, linewidth=0.8)
     beside(right, "share", 0.5, 6, weight="bold")
     beside(right, "n", 0.5, 42, weight="bold")
-    drawn.supxlabel("bars: 95 % intervals over champions", fontsize=9)
     for axes in (left, right):
         axes.grid(axis="x")
         axes.tick_params(axis="y", length=0)
@@ -71,7 +70,7 @@ def success(board: pd.DataFrame, champions: pd.DataFrame, limits: Mapping[str, f
     known = {"rule off": board.success_off, "reward inverted": board.success_inverted, "one champion": board.champions}
     kinds += [(name, INK, marker) for name, marker in _OTHERS.items() if known[name].notna().any()]
     marks = [Line2D([], [], color=colour, marker=mark, linestyle="", label=name) for name, colour, mark in kinds]
-    drawn.legend(handles=marks, loc="outside lower center", ncols=3)
+    drawn.legend(handles=marks, loc="outside lower center", ncols=3, title="bars: 95 % intervals over champions")
     return drawn
 
 
