@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from statistics import median
 
@@ -67,9 +68,13 @@ def told(*times: tuple[float, float]) -> str:
 
 def spent(here: Path, *words: str) -> tuple[float, float]:
     """Wall and CPU seconds of a command, run in this folder."""
-    quiet = [] if words[0] == "--help" else ["--quiet"]
+    return spent_by([EPUCKHEBB, *words, *([] if words[0] == "--help" else ["--quiet"])], here)
+
+
+def spent_by(program: Sequence[str], here: Path) -> tuple[float, float]:
+    """Wall and CPU seconds of a program, run in this folder."""
     began, cpu_before = time.perf_counter(), _cpu_of_children()
-    subprocess.run([EPUCKHEBB, *words, *quiet], cwd=here, env=environment(here), check=True, capture_output=True)
+    subprocess.run(program, cwd=here, env=environment(here), check=True, capture_output=True)
     return time.perf_counter() - began, _cpu_of_children() - cpu_before
 
 
