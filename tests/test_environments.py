@@ -24,11 +24,12 @@ from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.plasticity.rule import Normalise
 from epuckhebb.controller.plasticity.rules.abcd import ABCD
 from epuckhebb.controller.random import Stream, rng
-from epuckhebb.runs.gymnasium import Work, run_lifetimes
+from epuckhebb.runs.gymnasium import run_lifetimes
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Run, load_genome
 from epuckhebb.worlds.changes import CHANGES, Faults, apply
 from epuckhebb.worlds.environment import Environment, Lived, World
+from epuckhebb.worlds.lives import Work
 
 REFERENCE = Path(__file__).parents[1] / "runs" / "reference"
 EXAMPLE = Path(__file__).parents[1] / "examples" / "any_world" / "thermostat.py"
@@ -114,7 +115,7 @@ def test_lifetimes_are_bit_identical_in_processes_and_in_a_used_environment(monk
 
 
 KEEPS = """
-from thermostat import Room
+from .thermostat import Room
 
 
 class Keeps(Room):
@@ -383,6 +384,20 @@ def test_evolve_works_from_python_and_an_example_with_a_function_as_a_change(tmp
     assert "frozen" in result.stdout
     assert list(Path("tested/own_code").rglob("thermostat.py"))
     assert "bit-identical" in done("rerun", "tested").stdout
+
+
+def test_a_function_makes_an_environment(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(EXAMPLE, "thermostat.py")
+    text = "from .thermostat import Room\n\n\ndef make(error=0):\n    return Room() if error == 0 else error\n"
+    Path("own.py").write_text(text)
+    for name, place in (("made", "own.py:make"), ("room", "thermostat.py:Room")):
+        done("evolve", f"environment={place}", *ROOM[1:], f"hydra.run.dir={name}")
+    assert Path("made/history.csv").read_bytes() == Path("room/history.csv").read_bytes()
+    assert len(list(Path("made/own_code").rglob("*.py"))) == 2
+    done("evaluate", "genome=made", "repeats=1", "figures=none", "hydra.run.dir=tested")
+    assert "render_mode" in refused("replay", "tested")
+    assert "environment.id" in refused("evolve", "environment=own.py:make", "environment.options={error: 1}")
 
 
 @pytest.mark.thorough

@@ -33,6 +33,7 @@ from epuckhebb.config.plugins import (
     OWN_CODE,
     OwnFile,
     class_named,
+    loaders,
     own_files,
     own_place,
     own_references,

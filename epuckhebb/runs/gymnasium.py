@@ -4,34 +4,32 @@ Environments hold the lock of Python, so lifetimes run in processes. What each i
 are bit-identical with any number of processes.
 """
 
-import functools
 import io
 import itertools
-import json
 import math
 import time
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from epuckhebb.analysis.tables import Rows, plain
-from epuckhebb.config import EnvironmentConfig, from_values, schema_of
+from epuckhebb.config import EnvironmentConfig, loaders
 from epuckhebb.controller import random
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.controller import Controller
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.control import Sign, signs, signs_of_draw
-from epuckhebb.controller.plasticity.rule import Acts, NoRule
+from epuckhebb.controller.plasticity.rule import NoRule
 from epuckhebb.controller.random import Stream
 from epuckhebb.evolution.evolve import Evaluator
 from epuckhebb.runs import hydra
 from epuckhebb.runtime import ConfigError, compiling, refusing
 from epuckhebb.store import Genome
 from epuckhebb.worlds.environment import Lived
+from epuckhebb.worlds.lives import Setup, Work, live_in_worker
 from epuckhebb.worlds.world import Figures, World, Write
 
 _CHUNKS = 4  # of the work of each process, whose parts take different times
@@ -40,19 +38,14 @@ _MOST_SEED = 2**31 - 1
 _FRAMES, _FRAME_MS, _CHANGED = 200, 40, "#D55E00"  # of a film; around what is after a change
 
 
-class Work(NamedTuple):
-    """Lifetimes of one genome. number: of the controller, in the settings. signs: None for those of the rule."""
-
-    number: int
-    genes: Floats
-    seeds: tuple[int, ...]
-    signs: Floats | None = None
-    record: bool = False
-
-
 def seed_of(seed: int, stream: Stream, *place: int) -> int:
     """The seed of an environment at a place in a study."""
     return int(random.key(seed, stream, *place)) & _MOST_SEED
+
+
+def setup_of(config: EnvironmentConfig) -> Setup:
+    """What the lifetimes of a run need."""
+    return Setup(config.world, config.network_made, tuple(controller.rule for controller in config.controllers))
 
 
 def run_lifetimes(
@@ -63,44 +56,21 @@ def run_lifetimes(
     The first work is run here, and so are all others if processes would take longer to start. times: how often as much
     work comes.
     """
-    is_fresh, began = config.world.findings.needs_fresh, time.perf_counter()
-    first, works = _live(config, works[0], is_fresh), works[1:]
+    setup = setup_of(config)._replace(is_fresh=config.world.findings.needs_fresh)
+    began = time.perf_counter()
+    first, works = setup.live(works[0]), works[1:]
     if processes < 2 or not works or (time.perf_counter() - began) * len(works) * times < _WORTH_S:
-        return [first, *(_live(config, work, is_fresh) for work in works)]
+        return [first, *map(setup.live, works)]
+    import cloudpickle  # which Gymnasium brings, and which pickles classes of a notebook, too
     import joblib
 
-    values = config.command.partition("_")[0], json.dumps(config.values)
+    sent = cloudpickle.dumps(setup._replace(world=replace(setup.world)))  # without the environment that it keeps
     count = min(len(works), processes * _CHUNKS)
     chunks = [works[k * len(works) // count : (k + 1) * len(works) // count] for k in range(count)]
     with hydra.joblib_workers():
-        jobs = [joblib.delayed(_live_chunk)(*values, is_fresh, chunk) for chunk in chunks]
+        jobs = [joblib.delayed(live_in_worker)(loaders(config.values), sent, chunk) for chunk in chunks]
         found = joblib.Parallel(n_jobs=processes)(jobs)
     return [first, *(lives for chunk in found for lives in chunk)]
-
-
-@functools.lru_cache(maxsize=2)
-def _config(command: str, values: str) -> Any:
-    """The configuration of a worker, which makes the environment once."""
-    settings = json.loads(values)
-    return from_values(settings, schema_of(command, settings), command)
-
-
-def _live_chunk(command: str, values: str, is_fresh: bool, works: Sequence[Work]) -> list[list[Lived]]:
-    config = _config(command, values)
-    return [_live(config, work, is_fresh) for work in works]
-
-
-def _controller(config: EnvironmentConfig, work: Work) -> Controller:
-    rule = replace(config.controllers[work.number].rule, acts=Acts.always)  # `live` ends it
-    return Controller(work.genes, config.network_made, rule, signs=work.signs, step_s=config.environment.step_s)
-
-
-def _live(config: EnvironmentConfig, work: Work, is_fresh: bool) -> list[Lived]:
-    controller = _controller(config, work)
-    frozen = config.controllers[work.number].rule.acts is Acts.before_change
-    return [
-        config.world.live(controller, seed, frozen=frozen, record=work.record, is_fresh=is_fresh) for seed in work.seeds
-    ]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -166,10 +136,11 @@ class Gymnasium(World):
 
     def compile(self, network: Network) -> None:
         """Load or compile the step of the controllers, before processes do."""
+        setup = setup_of(self.config)
         with compiling():
             for number, controller in enumerate(self.config.controllers):
                 genes = np.zeros(plan_of(network, type(controller.rule)).genes)
-                _controller(self.config, Work(number, genes, ())).act(np.zeros(network.inputs))
+                setup.controller(Work(number, genes, ())).act(np.zeros(network.inputs))
 
     def works(self, genome: Genome, repeats: Iterable[int]) -> list[Work]:
         """The lifetimes of each controller, one by one; all have the same seeds."""
@@ -236,10 +207,10 @@ def film(config: Any, genome: Genome) -> bytes:
     """
     from PIL import Image, ImageOps
 
-    works = Gymnasium(config).works(genome, range(1))
+    works, setup = Gymnasium(config).works(genome, range(1)), setup_of(config)
     work = next(work for work in works if config.controllers[work.number].rule == config.rule)
     frames, step = list[Any](), itertools.count()
-    lived, change = _live(config, work, True)[0], config.world.split if config.environment.changes else math.inf
+    lived, change = setup.live(work)[0], config.world.split if config.environment.changes else math.inf
     begin = max(0, min(change, len(lived.rewards)) - _FRAMES // 2) if config.environment.changes else 0
 
     def watch(env: Any) -> None:
@@ -248,9 +219,12 @@ def film(config: Any, genome: Genome) -> bytes:
             frames.append(ImageOps.expand(frame, 4, "white" if now < change else _CHANGED))
 
     what = f"environment={config.world.name} cannot be drawn here"
-    hint = "it needs a `render` that gives pictures; MuJoCo without a screen needs MUJOCO_GL=osmesa or egl"
+    hint = (
+        "it must take render_mode='rgb_array', and its `render` give a picture; MuJoCo without a screen needs "
+        "MUJOCO_GL=osmesa or egl"
+    )
     with refusing(lambda error: f"{what}: {error}; {hint}", Exception):  # a library may raise anything
-        config.world.live(_controller(config, work), work.seeds[0], watch=watch)
+        config.world.live(setup.controller(work), work.seeds[0], watch=watch)
     buffer = io.BytesIO()
     frames[0].save(buffer, "GIF", save_all=True, append_images=frames[1:], duration=_FRAME_MS, loop=0)
     return buffer.getvalue()

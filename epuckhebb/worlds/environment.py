@@ -35,12 +35,13 @@ _WINDOW, _RECOVERED = 50, 0.9  # steps, and the share of the reward before a cha
 class Environment:
     """The settings of an environment.
 
-    id: of Gymnasium, PACKAGE:ID for one that a package brings, or FILE.py:NAME, a class of the user's. options:
-    arguments with which it is made. horizon: steps of a lifetime. scale: of all readings, or of each; None: from their
-    bounds. reward_scale: reward of a step at which the live fitness is 1. reward_weights: of a reward that is several
-    numbers; None: it is one. step_s: length of a step [s], for what has time constants. changes: each
-    `{at: STEP, NAME: VALUE}`; change: their name, of those in `named`. hidden: sizes of the hidden layers. population,
-    generations, loops: of an evolution, with so many lifetimes of an individual. processes: 0 for one on each core.
+    id: of Gymnasium, PACKAGE:ID for one that a package brings, or FILE.py:NAME, the user's class, or function that
+    makes one. options: arguments with which it is made. horizon: steps of a lifetime. scale: of all readings, or of
+    each; None: from their bounds. reward_scale: reward of a step at which the live fitness is 1. reward_weights: of a
+    reward that is several numbers; None: it is one. step_s: length of a step [s], for what has time constants. changes:
+    each `{at: STEP, NAME: VALUE}`; change: their name, of those in `named`. hidden: sizes of the hidden layers.
+    population, generations, loops: of an evolution, with so many lifetimes of an individual. processes: 0 for one on
+    each core.
     """
 
     name: str = ""
