@@ -4,7 +4,7 @@ They have files of their own in `conf/`, so that keys of the maze are none of th
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from inspect import isfunction
 from pathlib import Path
 from typing import Any, ClassVar
@@ -18,7 +18,7 @@ from epuckhebb.config.plugins import class_named, is_own, object_named
 from epuckhebb.config.schema import Checked, Evaluates, Evolves, Figures, register
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.control import Control, Sign
-from epuckhebb.controller.plasticity.rule import Acts, NoRule, Rule
+from epuckhebb.controller.plasticity.rule import Acts, Normalise, NoRule, Rule
 from epuckhebb.controller.ranges import check, within
 from epuckhebb.controller.wiring import LAYERS, Wiring
 from epuckhebb.evolution.training import UNVARIED
@@ -32,7 +32,11 @@ from epuckhebb.worlds.making import Maker, gymnasium
 SIGNAL = "reward"  # the live fitness in environments
 WITHOUT, FROZEN = "without plasticity", "frozen at the change"
 _RATE = 0.002  # N of a rule whose row has that of the maze
-_AS_PAPERS = {"N": 0.05, "normalise": "largest"}  # of ABCD and its kin, as their programs do outside Bullet
+_USUAL = {"floor": 1.0, "N_gain_rad_s": 0.0}  # of all rules
+_AS_PAPERS: dict[str, Any] = {
+    "N": 0.05,
+    "normalise": "largest",
+}  # of ABCD and its kin, as their programs do outside Bullet
 
 
 @dataclass(kw_only=True)
@@ -54,8 +58,24 @@ class EnvironmentConfig(Checked):
         self.network_made = _network(self.world, part_from("wiring", self.network, "network"))
         self.shape = self.network_made.wiring
         self.rule = build.rule_from(self.hebbian, "hebbian")
-        self.controllers = [Controller(name=str(self.hebbian.get("name") or WITHOUT), rule=self.rule)]
-        self.check_rule(self.rule)
+        self.use(self.rule, self.hebbian.get("name"))
+
+    def use(self, rule: Rule, called: str | None = None) -> None:
+        """Let controllers learn by a rule. called: its name in tables; that of its class unless given."""
+        self.check_rule(rule)
+        name = WITHOUT if isinstance(rule, NoRule) else called or rule.name.lower()
+        self.rule, self.controllers = rule, [Controller(name=name, rule=rule)]
+
+    def take(self, rule: Rule) -> None:
+        """Let controllers learn by a rule that was made in Python.
+
+        What it leaves as its class has it is as in all environments.
+        """
+        usual: dict[str, Any] = {**_USUAL, "signal": SIGNAL}
+        if rule.name.startswith("abcd") and self.shape is None:
+            usual["normalise"] = Normalise[_AS_PAPERS["normalise"]]
+        left = {field.name for field in fields(rule) if getattr(rule, field.name) == field.default}
+        self.use(replace(rule, **{key: value for key, value in usual.items() if key in left}))
 
     def check_rule(self, rule: Rule) -> None:
         """Refuse a rule with what only the maze has."""
@@ -97,9 +117,9 @@ class EvolveEnvironment(Evolves, EnvironmentConfig):
 
     command: ClassVar[str] = f"evolve{OF_ENVIRONMENT}"
 
-    def __post_init__(self) -> None:
-        """Validate the settings."""
-        super().__post_init__()
+    def use(self, rule: Rule, called: str | None = None) -> None:
+        """Let controllers learn by a rule. called: its name in tables; that of its class unless given."""
+        super().use(rule, called)
         self.plan_search(UNVARIED, Lifetime())
 
 
@@ -114,9 +134,9 @@ class EvaluateEnvironment(Evaluates, EnvironmentConfig):
 
     command: ClassVar[str] = f"evaluate{OF_ENVIRONMENT}"
 
-    def __post_init__(self) -> None:
-        """Validate the settings."""
-        super().__post_init__()
+    def use(self, rule: Rule, called: str | None = None) -> None:
+        """Let controllers learn by a rule and its controls. called: its name in tables; its class unless given."""
+        super().use(rule, called)
         (main,) = self.controllers
         rules = {} if isinstance(self.rule, NoRule) else {WITHOUT: replace(self.rule, N=0.0)}
         rules[""] = self.rule
@@ -218,7 +238,7 @@ def complete(cfg: DictConfig, choices: Mapping[str, str], overrides: Sequence[st
 
 def fit_rule(rule: DictConfig, choice: str, network: DictConfig, is_typed: Callable[[str], bool]) -> None:
     """Give a rule what it has in environments: no wheel gain, the reward as live fitness, and rates of the papers."""
-    defaults = {"signal": SIGNAL, "floor": 1.0, "N_gain_rad_s": 0.0}
+    defaults = {**_USUAL, "signal": SIGNAL}
     if choice.startswith("abcd"):
         defaults |= _AS_PAPERS if network.wiring == LAYERS else {"N": _AS_PAPERS["N"]}
     if "scenario" in str(conf.table("hebbian").get(choice, {}).get("N", "")) or "N" not in rule:

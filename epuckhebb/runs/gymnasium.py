@@ -142,7 +142,7 @@ class Gymnasium(World):
                 genes = np.zeros(plan_of(network, type(controller.rule)).genes)
                 setup.controller(Work(number, genes, ())).act(np.zeros(network.inputs))
 
-    def works(self, genome: Genome, repeats: Iterable[int]) -> list[Work]:
+    def works(self, genome: Genome, repeats: Iterable[int], *, record: bool = True) -> list[Work]:
         """The lifetimes of each controller, one by one; all have the same seeds."""
         config, genes = self.config, genome.genes
         drawn = signs_of_draw(config.rule.sign_draw, zlib.crc32(genes.tobytes()))
@@ -153,15 +153,22 @@ class Gymnasium(World):
                 genome.plan.pick(genes, plan_of(config.network_made, type(tested.rule))),
                 (seed_of(config.seed, Stream.evaluation_noise, repeat),),
                 control if tested.rule.sign is Sign.shuffled and config.rule.sign is not Sign.shuffled else None,
-                record=True,
+                record=record,
             )
             for number, tested in enumerate(config.controllers)
             for repeat in repeats
         ]
 
-    def run(self, genome: Genome, nominal: None, threads: int) -> tuple[Rows, list[Lived]]:  # noqa: ARG002
+    def run(
+        self,
+        genome: Genome,
+        nominal: None,  # noqa: ARG002  # the maze has one
+        threads: int,
+        *,
+        record: bool = True,
+    ) -> tuple[Rows, list[Lived]]:
         """Run the lifetimes, and a row of each."""
-        config, works = self.config, self.works(genome, range(self.config.repeats))
+        config, works = self.config, self.works(genome, range(self.config.repeats), record=record)
         lives = [lived for (lived,) in run_lifetimes(config, works, threads)]
         names = [config.controllers[work.number] for work in works]
         rows = [
@@ -195,36 +202,54 @@ class Gymnasium(World):
         write("table.md", "\n".join([analysis.readable(table).markdown(), *(f"{plain(note)}\n" for note in below)]))
         return {"lifetime": (pd.DataFrame(course),)}
 
+    def table(self, rows: Rows, recorded: list[Lived]) -> Any:  # noqa: ARG002  # the maze needs it
+        """A row for each controller: means, with intervals of returns."""
+        import pandas as pd
+
+        from epuckhebb.analysis import environments as analysis
+
+        return analysis.table(pd.DataFrame(rows)).set_index("controller")
+
+    def arrays(self, genome: Genome, recorded: list[Lived]) -> dict[str, Any]:  # noqa: ARG002  # the maze needs it
+        """Each lifetime step by step, (lifetimes, horizon); nan after its end."""
+        shape = len(recorded), self.config.environment.horizon
+        arrays = {name: np.full(shape, np.nan) for name in ("reward", "weight_change", "weight_step")}
+        for number, lived in enumerate(recorded):
+            steps = (lived.rewards, lived.weight_changes, lived.weight_steps)
+            for array, values in zip(arrays.values(), steps, strict=True):
+                array[number, : len(values)] = values
+        return arrays
+
+    def film(self, genome: Genome) -> bytes:
+        """A GIF of the first lifetime of the rule, or of the network alone, drawn by the environment.
+
+        It shows a frame a step: as many before the change as after it, or the first ones.
+        """
+        from PIL import Image, ImageOps
+
+        config = self.config
+        works, setup = self.works(genome, range(1)), setup_of(config)
+        work = next(work for work in works if config.controllers[work.number].rule == config.rule)
+        frames, step = list[Any](), itertools.count()
+        lived, change = setup.live(work)[0], config.world.split if config.environment.changes else math.inf
+        begin = max(0, min(change, len(lived.rewards)) - _FRAMES // 2) if config.environment.changes else 0
+
+        def watch(env: Any) -> None:
+            if begin <= (now := next(step)) < begin + _FRAMES:
+                frame = Image.fromarray(env.render()).reduce(2)
+                frames.append(ImageOps.expand(frame, 4, "white" if now < change else _CHANGED))
+
+        what = f"environment={config.world.name} cannot be drawn here"
+        hint = (
+            "it must take render_mode='rgb_array', and its `render` give a picture; MuJoCo without a screen needs "
+            "MUJOCO_GL=osmesa or egl"
+        )
+        with refusing(lambda error: f"{what}: {error}; {hint}", Exception):  # a library may raise anything
+            config.world.live(setup.controller(work), work.seeds[0], watch=watch)
+        buffer = io.BytesIO()
+        frames[0].save(buffer, "GIF", save_all=True, append_images=frames[1:], duration=_FRAME_MS, loop=0)
+        return buffer.getvalue()
+
     def evaluator(self, network: Network, threads: int) -> _Evaluator:  # noqa: ARG002  # it is that of the settings
         """What runs the lifetimes of an evolution."""
         return _Evaluator(config=self.config, processes=threads)
-
-
-def film(config: Any, genome: Genome) -> bytes:
-    """A GIF of the first lifetime of the rule of an evaluation, or of the network alone, drawn by the environment.
-
-    It shows a frame a step: as many before the change as after it, or the first ones.
-    """
-    from PIL import Image, ImageOps
-
-    works, setup = Gymnasium(config).works(genome, range(1)), setup_of(config)
-    work = next(work for work in works if config.controllers[work.number].rule == config.rule)
-    frames, step = list[Any](), itertools.count()
-    lived, change = setup.live(work)[0], config.world.split if config.environment.changes else math.inf
-    begin = max(0, min(change, len(lived.rewards)) - _FRAMES // 2) if config.environment.changes else 0
-
-    def watch(env: Any) -> None:
-        if begin <= (now := next(step)) < begin + _FRAMES:
-            frame = Image.fromarray(env.render()).reduce(2)
-            frames.append(ImageOps.expand(frame, 4, "white" if now < change else _CHANGED))
-
-    what = f"environment={config.world.name} cannot be drawn here"
-    hint = (
-        "it must take render_mode='rgb_array', and its `render` give a picture; MuJoCo without a screen needs "
-        "MUJOCO_GL=osmesa or egl"
-    )
-    with refusing(lambda error: f"{what}: {error}; {hint}", Exception):  # a library may raise anything
-        config.world.live(setup.controller(work), work.seeds[0], watch=watch)
-    buffer = io.BytesIO()
-    frames[0].save(buffer, "GIF", save_all=True, append_images=frames[1:], duration=_FRAME_MS, loop=0)
-    return buffer.getvalue()
