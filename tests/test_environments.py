@@ -383,6 +383,84 @@ def test_an_example_has_a_function_as_a_change(tmp_path, monkeypatch):
     assert "bit-identical" in done("rerun", "tested").stdout
 
 
+JUDGES = """
+from dataclasses import dataclass
+from epuckhebb import Fitness
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calm(Fitness):
+    weight: float = 0.0
+
+    @staticmethod
+    def life(rewards, observations, infos, terminated, steps, by):
+        assert len(observations) == len(infos) == len(rewards) == steps <= 40
+        assert not terminated
+        assert abs(observations[0][1]) <= 1 and (observations[0] != observations[-1]).any()
+        return by.weight * rewards.sum() + 1000
+
+
+class Stepwise(Fitness):
+    @staticmethod
+    def step(left):
+        return left
+
+
+class Arrived(Fitness):
+    @staticmethod
+    def life(success):
+        return success
+
+
+class Wrong(Fitness):
+    @staticmethod
+    def life(infos):
+        return infos[0]["speed"]
+
+
+class Episodic(Fitness):
+    @staticmethod
+    def life(rewards):
+        return 0.0
+"""
+
+
+@pytest.mark.usefixtures("here")
+def test_evolution_maximises_an_own_fitness():
+    Path("own.py").write_text(JUDGES)
+    few = [*ROOM, "figures=none"]
+    done("evolve", *few, "fitness.function=own.py:Calm", "fitness.weight=0", "hydra.run.dir=flat")
+    assert (pd.read_csv("flat/history.csv").best_fitness == 1000).all()
+    done("evolve", *few, "fitness.function=own.py:Calm", "fitness.weight=2", "hydra.run.dir=own")
+    done("evolve", *few, "hydra.run.dir=usual")
+    own, usual = (pd.read_csv(f"{run}/history.csv").best_fitness for run in ("own", "usual"))
+    np.testing.assert_allclose(own[0], 2 * usual[0] + 1000)
+    assert load_genome("own", "").fitness_function == "Calm"
+    assert list(Path("own/own_code").rglob("own.py"))
+    assert "bit-identical" in done("rerun", "own").stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["evolve", *ROOM, "fitness.function=own.py:Stepwise"], "Stepwise"),
+        (["evolve", *ROOM, "fitness.function=own.py:Arrived"], "success"),
+        (["evolve", *ROOM, "fitness.function=own.py:Wrong"], "speed"),
+        (["evolve", *ROOM, "fitness.function=paper"], "fitness"),
+        (["evolve", *ROOM, "fitness=paper"], "fitness"),
+        (["evolve", *ROOM, "+fitness.weight=1"], "fitness"),
+        (["evaluate", "genome=none.npy", *ROOM[:2], "fitness.function=own.py:Calm"], "fitness.function"),
+        (["evaluate", "genome=none.npy", *ROOM[:2], "+fitness.function=own.py:Calm"], "fitness.function"),
+        (["evolve", "fitness.function=own.py:Episodic"], "rewards"),
+    ],
+)
+@pytest.mark.usefixtures("here")
+def test_a_fitness_that_does_not_fit_is_refused(words, text):
+    Path("own.py").write_text(JUDGES)
+    assert text in refused(*words)
+    assert not Path("runs").exists()
+
+
 def test_a_function_makes_an_environment(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     shutil.copy(EXAMPLE, "thermostat.py")
@@ -482,8 +560,6 @@ def test_averaging_and_a_slow_update_calm_the_weights():
         (["environment=cartpole", "change=nope"], ["change", "heavy"]),
         (["environment=cartpole", "network.layers=[5, 2]"], ["network.layers", "4"]),
         (["environment=cartpole", "hebbian=abcd", "hebbian.signal=behaviour"], ["hebbian.signal", "reward"]),
-        (["environment=cartpole", "fitness.function=own.py:Mine"], ["no key fitness.function", "in an environment"]),
-        (["environment=cartpole", "+fitness.function=own.py:Mine"], ["no key fitness.function"]),
         (["environment=cartpole", "+task.trials=3"], ["no key task.trials"]),
         (["environment=cartpole", "+physics.friction=3"], ["no key physics.friction"]),
         (["environment=cartpole", "environment.changes=[{at: true, length: 1}]"], ["{at: STEP"]),

@@ -25,11 +25,13 @@ from epuckhebb.evolution.training import UNVARIED
 from epuckhebb.runtime import ConfigError, conf, did_you_mean, yaml_file
 from epuckhebb.tmaze.individual import Controller
 from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.own_fitness import Fitness
 from epuckhebb.worlds.changes import AT, FUNCTION
 from epuckhebb.worlds.environment import Environment, World
 from epuckhebb.worlds.making import Maker, gymnasium
 
 SIGNAL = "reward"  # the live fitness in environments
+RETURN = "return"  # the fitness unless there is another one
 WITHOUT, FROZEN = "without plasticity", "frozen at the change"
 _RATE = 0.002  # N of a rule whose row has that of the maze
 _USUAL = {"floor": 1.0, "N_gain_rad_s": 0.0}  # of all rules
@@ -55,6 +57,7 @@ class EnvironmentConfig(Checked):
         check(self)
         self.world = world_of(self.environment)
         self.world.check()
+        self.judge: Fitness | None = None
         self.network_made = _network(self.world, part_from("wiring", self.network, "network"))
         self.shape = self.network_made.wiring
         self.rule = build.rule_from(self.hebbian, "hebbian")
@@ -113,9 +116,20 @@ class EnvironmentConfig(Checked):
 @register
 @dataclass(kw_only=True)
 class EvolveEnvironment(Evolves, EnvironmentConfig):
-    """All keys of `epuckhebb evolve environment=NAME`."""
+    """All keys of `epuckhebb evolve environment=NAME`.
+
+    judge: what evolution maximises; None for the return.
+    """
 
     command: ClassVar[str] = f"evolve{OF_ENVIRONMENT}"
+    fitness: dict[str, Any] = field(default_factory=lambda: {"function": RETURN})
+
+    def __post_init__(self) -> None:
+        """Validate the settings."""
+        super().__post_init__()
+        if self.fitness != {"function": RETURN}:
+            self.judge = part_from("fitness", self.fitness, "fitness")
+            self.judge.check_world(is_environment=True)
 
     def use(self, rule: Rule, called: str | None = None) -> None:
         """Let controllers learn by a rule. called: its name in tables; that of its class unless given."""

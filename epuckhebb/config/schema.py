@@ -148,6 +148,7 @@ class WorldConfig(Checked):
         """Validate the settings."""
         check(self)
         self.world = build.scenario_from(self.scenario, self.maze, self.robot, self.task, self.fitness, self.physics)
+        self.world.fitness.check_world(is_environment=False)
         made = part_from("wiring", self.network, "network")
         self.shape = made.layers if isinstance(made, Layers) else made
         self.wiring = self.shape if isinstance(self.shape, Wiring) else None

@@ -45,7 +45,8 @@ def seed_of(seed: int, stream: Stream, *place: int) -> int:
 
 def setup_of(config: EnvironmentConfig) -> Setup:
     """What the lifetimes of a run need."""
-    return Setup(config.world, config.network_made, tuple(controller.rule for controller in config.controllers))
+    rules = tuple(controller.rule for controller in config.controllers)
+    return Setup(config.world, config.network_made, rules, judge=config.judge)
 
 
 def run_lifetimes(
@@ -96,7 +97,7 @@ class _Evaluator(Evaluator):
         seeds = tuple(seed_of(seed, Stream.training_noise, generation, loop) for loop in loops)
         works = [Work(0, genes, seeds) for genes in population]
         found = run_lifetimes(self.config, works, self.processes, self.config.schedule.generations)
-        fitness = np.array([np.mean([lived.rewards.sum() for lived in lives]) for lives in found])
+        fitness = np.array([np.mean([lived.fitness for lived in lives]) for lives in found])
         steps = sum(len(lived.rewards) for lives in found for lived in lives)
         return fitness, np.full(len(fitness), np.nan), {}, steps
 
@@ -114,8 +115,9 @@ class Gymnasium(World):
 
     @property
     def facts(self) -> Mapping[str, Any]:
-        """The name of the environment."""
-        return {"robot": self.config.world.name, "lights": 0, "environment": self.config.world.name}
+        """The name of the environment, and of what evolution maximised."""
+        name, judge = self.config.world.name, self.config.judge
+        return {"robot": name, "lights": 0, "environment": name, "fitness_function": judge.name if judge else ""}
 
     def check_genome(self, genome: Genome) -> None:
         """Refuse a genome for another network."""
@@ -137,10 +139,12 @@ class Gymnasium(World):
     def compile(self, network: Network) -> None:
         """Load or compile the step of the controllers, before processes do."""
         setup = setup_of(self.config)
-        with compiling():
+        with compiling(), refusing():
             for number, controller in enumerate(self.config.controllers):
                 genes = np.zeros(plan_of(network, type(controller.rule)).genes)
                 setup.controller(Work(number, genes, ())).act(np.zeros(network.inputs))
+                if self.config.judge:
+                    setup.live(Work(number, genes, (0,)))
 
     def works(self, genome: Genome, repeats: Iterable[int], *, record: bool = True) -> list[Work]:
         """The lifetimes of each controller, one by one; all have the same seeds."""

@@ -4,7 +4,7 @@ import functools
 import pickle
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.controller import Controller
@@ -24,12 +24,13 @@ class Work(NamedTuple):
 
 
 class Setup(NamedTuple):
-    """What lifetimes need besides their genes. is_fresh: whether each needs an environment made for it."""
+    """What lifetimes need besides their genes. is_fresh, judge: as of `World.live`."""
 
     world: World
     network: Network
     rules: tuple[Rule, ...]
     is_fresh: bool = True
+    judge: Any = None
 
     def controller(self, work: Work) -> Controller:
         """The controller of a work."""
@@ -40,7 +41,9 @@ class Setup(NamedTuple):
         """Run lifetimes, in the order of their seeds."""
         controller, frozen = self.controller(work), self.rules[work.number].acts is Acts.before_change
         return [
-            self.world.live(controller, seed, frozen=frozen, record=work.record, is_fresh=self.is_fresh)
+            self.world.live(
+                controller, seed, frozen=frozen, record=work.record, is_fresh=self.is_fresh, judge=self.judge
+            )
             for seed in work.seeds
         ]
 
