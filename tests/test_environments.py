@@ -373,6 +373,15 @@ def test_a_sweep_of_ones_own_takes_rule_and_network_from_each_champion():
     assert "2 done before" in done(*words).stderr
 
 
+def test_the_example_of_rules_by_seeds_has_rows_of_its_own(monkeypatch):
+    monkeypatch.chdir(EXAMPLE.parents[2])
+    words = ["environment=wind", "change=turned"]
+    for rule, name in (("none", "without plasticity"), ("decay", "decay")):
+        config = load_any("evolve", [*words, f"hebbian={rule}"], "examples/rules_by_seeds")
+        assert [one.name for one in config.controllers] == [name]
+        assert (config.world.inputs, config.world.outputs, config.world.split) == (6, 1, 200)
+
+
 @pytest.mark.thorough
 def test_an_example_has_a_function_as_a_change(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
