@@ -25,7 +25,7 @@ from epuckhebb.evolution.training import UNVARIED
 from epuckhebb.runtime import ConfigError, conf, did_you_mean, yaml_file
 from epuckhebb.tmaze.individual import Controller
 from epuckhebb.tmaze.life import Lifetime
-from epuckhebb.tmaze.own_fitness import Fitness
+from epuckhebb.tmaze.own_fitness import IN_ENVIRONMENT, Fitness
 from epuckhebb.worlds.changes import AT, FUNCTION
 from epuckhebb.worlds.environment import Environment, World
 from epuckhebb.worlds.making import Maker, gymnasium
@@ -129,7 +129,7 @@ class EvolveEnvironment(Evolves, EnvironmentConfig):
         super().__post_init__()
         if self.fitness != {"function": RETURN}:
             self.judge = part_from("fitness", self.fitness, "fitness")
-            self.judge.check_world(is_environment=True)
+            self.judge.check_world(IN_ENVIRONMENT)
 
     def use(self, rule: Rule, called: str | None = None) -> None:
         """Let controllers learn by a rule. called: its name in tables; that of its class unless given."""

@@ -31,7 +31,7 @@ from epuckhebb.evolution.training import Training
 from epuckhebb.runtime import refusing
 from epuckhebb.tmaze.individual import GA_ALONE, Controller
 from epuckhebb.tmaze.life import Lifetime
-from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
+from epuckhebb.tmaze.own_fitness import IN_MAZE, PAPER_FITNESS
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
@@ -148,7 +148,7 @@ class WorldConfig(Checked):
         """Validate the settings."""
         check(self)
         self.world = build.scenario_from(self.scenario, self.maze, self.robot, self.task, self.fitness, self.physics)
-        self.world.fitness.check_world(is_environment=False)
+        self.world.fitness.check_world(IN_MAZE)
         made = part_from("wiring", self.network, "network")
         self.shape = made.layers if isinstance(made, Layers) else made
         self.wiring = self.shape if isinstance(self.shape, Wiring) else None

@@ -51,7 +51,8 @@ OF_OUTCOME = (  # the fields of an outcome that `life`, and `tell` of an optimiz
 _OF_LIFE = ("paper", *OF_OUTCOME, "trials", "by")  # the arguments that `life` may have
 _WITH_STEP = ("mean", "state")  # and those that only `step` makes
 _OF_EPISODE = ("rewards", "observations", "infos", "terminated")  # and those that only an environment has
-_IN_ENVIRONMENT = (*_OF_EPISODE, "steps", "weight_change_mean", "by")
+IN_MAZE = {"step": tuple(_OF_STEP), "life": (*_WITH_STEP, *_OF_LIFE)}
+IN_ENVIRONMENT = {"life": (*_OF_EPISODE, "steps", "weight_change_mean", "by")}
 
 Score = Callable[..., float]
 
@@ -114,14 +115,13 @@ class Fitness(OwnClass):
         """The names of the arguments that a method may have; none where they are fixed."""
         return _OF_STEP if method == "step" else (*(_WITH_STEP if cls.step else ()), *_OF_LIFE, *_OF_EPISODE)
 
-    def check_world(self, *, is_environment: bool) -> None:
-        """Refuse a fitness of another kind of world; else a ValueError."""
-        known = _IN_ENVIRONMENT if is_environment else (*_WITH_STEP, *_OF_LIFE)
-        wrong = [name for name in (self.arguments("life") if self.life else ()) if name not in known]
-        if is_environment and (self.step or not self.life):
-            raise ValueError(f"fitness {self.name} is for the maze; in an environment a fitness has `life` alone")
-        if wrong:
-            raise ValueError(f"fitness {self.name}: `life` takes {', '.join(wrong)}; here are {', '.join(known)}")
+    def check_world(self, known: Mapping[str, Collection[str]]) -> None:
+        """Refuse a fitness of another kind of world; else a ValueError. known: the arguments of each method there."""
+        methods = [method for method in self.METHODS if getattr(self, method)]
+        wrong = [name for method in methods for name in self.arguments(method) if name not in known.get(method, ())]
+        if wrong or not (self.life or "step" in known):
+            has = "; ".join(f"`{method}` of {', '.join(names)}" for method, names in known.items())
+            raise ValueError(f"fitness {self.name} takes {', '.join(wrong) or 'nothing'}; here is {has}")
 
     def initial_state(self) -> NDArray[np.void]:
         """One record: the sum over the steps, 0, and what is stored from step to step."""
