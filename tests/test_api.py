@@ -103,7 +103,7 @@ def test_both_bundled_champions_load():
         (lambda: epuckhebb.evaluate("reference", lifetime={"duration": 3}), "duration_s"),
         (lambda: epuckhebb.evaluate("reference", config_dir="nowhere"), "nowhere is no folder"),
         (lambda: epuckhebb.evaluate("reference", adaptation=epuckhebb.Adaptation(homeostasis=True)), "needs a name"),
-        (lambda: epuckhebb.evolve(hebbian=epuckhebb.Hebbian(N=0.1)), "hebbian must be a name or settings"),
+        (lambda: epuckhebb.evolve(hebbian=epuckhebb.Hebbian()), "has N = 0; give N"),
         (lambda: epuckhebb.evaluate("scenario=base"), "genome=scenario=base does not exist"),
         (lambda: epuckhebb.evaluate("reference", scenario=["base", "lowlight"]), "scenario must be one"),
         (lambda: epuckhebb.evolve("reference"), "overrides are texts such as"),

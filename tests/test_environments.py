@@ -24,11 +24,12 @@ from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.plasticity.rule import Normalise
 from epuckhebb.controller.plasticity.rules.abcd import ABCD
 from epuckhebb.controller.random import Stream, rng
-from epuckhebb.runs.gymnasium import Work, run_lifetimes
+from epuckhebb.runs.gymnasium import run_lifetimes
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Run, load_genome
 from epuckhebb.worlds.changes import CHANGES, Faults, apply
 from epuckhebb.worlds.environment import Environment, Lived, World
+from epuckhebb.worlds.lives import Work
 
 REFERENCE = Path(__file__).parents[1] / "runs" / "reference"
 EXAMPLE = Path(__file__).parents[1] / "examples" / "any_world" / "thermostat.py"
@@ -114,7 +115,7 @@ def test_lifetimes_are_bit_identical_in_processes_and_in_a_used_environment(monk
 
 
 KEEPS = """
-from thermostat import Room
+from .thermostat import Room
 
 
 class Keeps(Room):
@@ -372,17 +373,115 @@ def test_a_sweep_of_ones_own_takes_rule_and_network_from_each_champion():
     assert "2 done before" in done(*words).stderr
 
 
+def test_the_example_of_rules_by_seeds_has_rows_of_its_own(monkeypatch):
+    monkeypatch.chdir(EXAMPLE.parents[2])
+    words = ["environment=wind", "change=turned"]
+    for rule, name in (("none", "without plasticity"), ("decay", "decay")):
+        config = load_any("evolve", [*words, f"hebbian={rule}"], "examples/rules_by_seeds")
+        assert [one.name for one in config.controllers] == [name]
+        assert (config.world.inputs, config.world.outputs, config.world.split) == (6, 1, 200)
+
+
 @pytest.mark.thorough
-def test_evolve_works_from_python_and_an_example_with_a_function_as_a_change(tmp_path, monkeypatch):
+def test_an_example_has_a_function_as_a_change(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    champion, history = epuckhebb.evolve(*CARTPOLE, progress=False)
-    assert len(champion) == 28
-    assert len(history) == 2
     done("evolve", *ROOM, TURNED, "hydra.run.dir=room")
     result = done("evaluate", "genome=room", "environment.horizon=40", TURNED, "repeats=2", "hydra.run.dir=tested")
     assert "frozen" in result.stdout
     assert list(Path("tested/own_code").rglob("thermostat.py"))
     assert "bit-identical" in done("rerun", "tested").stdout
+
+
+JUDGES = """
+from dataclasses import dataclass
+from epuckhebb import Fitness
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calm(Fitness):
+    weight: float = 0.0
+
+    @staticmethod
+    def life(rewards, observations, infos, terminated, steps, by):
+        assert len(observations) == len(infos) == len(rewards) == steps <= 40
+        assert not terminated
+        assert abs(observations[0][1]) <= 1 and (observations[0] != observations[-1]).any()
+        return by.weight * rewards.sum() + 1000
+
+
+class Stepwise(Fitness):
+    @staticmethod
+    def step(left):
+        return left
+
+
+class Arrived(Fitness):
+    @staticmethod
+    def life(success):
+        return success
+
+
+class Wrong(Fitness):
+    @staticmethod
+    def life(infos):
+        return infos[0]["speed"]
+
+
+class Episodic(Fitness):
+    @staticmethod
+    def life(rewards):
+        return 0.0
+"""
+
+
+@pytest.mark.usefixtures("here")
+def test_evolution_maximises_an_own_fitness():
+    Path("own.py").write_text(JUDGES)
+    few = [*ROOM, "figures=none"]
+    done("evolve", *few, "fitness.function=own.py:Calm", "fitness.weight=0", "hydra.run.dir=flat")
+    assert (pd.read_csv("flat/history.csv").best_fitness == 1000).all()
+    done("evolve", *few, "fitness.function=own.py:Calm", "fitness.weight=2", "hydra.run.dir=own")
+    done("evolve", *few, "hydra.run.dir=usual")
+    own, usual = (pd.read_csv(f"{run}/history.csv").best_fitness for run in ("own", "usual"))
+    np.testing.assert_allclose(own[0], 2 * usual[0] + 1000)
+    assert load_genome("own", "").fitness_function == "Calm"
+    assert list(Path("own/own_code").rglob("own.py"))
+    assert "bit-identical" in done("rerun", "own").stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["evolve", *ROOM, "fitness.function=own.py:Stepwise"], "Stepwise"),
+        (["evolve", *ROOM, "fitness.function=own.py:Arrived"], "success"),
+        (["evolve", *ROOM, "fitness.function=own.py:Wrong"], "speed"),
+        (["evolve", *ROOM, "fitness.function=paper"], "fitness"),
+        (["evolve", *ROOM, "fitness=paper"], "fitness"),
+        (["evolve", *ROOM, "+fitness.weight=1"], "fitness"),
+        (["evaluate", "genome=none.npy", *ROOM[:2], "fitness.function=own.py:Calm"], "fitness.function"),
+        (["evaluate", "genome=none.npy", *ROOM[:2], "+fitness.function=own.py:Calm"], "fitness.function"),
+        (["evolve", "fitness.function=own.py:Episodic"], "rewards"),
+    ],
+)
+@pytest.mark.usefixtures("here")
+def test_a_fitness_that_does_not_fit_is_refused(words, text):
+    Path("own.py").write_text(JUDGES)
+    assert text in refused(*words)
+    assert not Path("runs").exists()
+
+
+def test_a_function_makes_an_environment(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(EXAMPLE, "thermostat.py")
+    text = "from .thermostat import Room\n\n\ndef make(error=0):\n    return Room() if error == 0 else error\n"
+    Path("own.py").write_text(text)
+    for name, place in (("made", "own.py:make"), ("room", "thermostat.py:Room")):
+        done("evolve", f"environment={place}", *ROOM[1:], f"hydra.run.dir={name}")
+    assert Path("made/history.csv").read_bytes() == Path("room/history.csv").read_bytes()
+    assert len(list(Path("made/own_code").rglob("*.py"))) == 2
+    done("evaluate", "genome=made", "repeats=1", "figures=none", "hydra.run.dir=tested")
+    assert "render_mode" in refused("replay", "tested")
+    assert "environment.id" in refused("evolve", "environment=own.py:make", "environment.options={error: 1}")
 
 
 @pytest.mark.thorough
@@ -470,8 +569,6 @@ def test_averaging_and_a_slow_update_calm_the_weights():
         (["environment=cartpole", "change=nope"], ["change", "heavy"]),
         (["environment=cartpole", "network.layers=[5, 2]"], ["network.layers", "4"]),
         (["environment=cartpole", "hebbian=abcd", "hebbian.signal=behaviour"], ["hebbian.signal", "reward"]),
-        (["environment=cartpole", "fitness.function=own.py:Mine"], ["no key fitness.function", "in an environment"]),
-        (["environment=cartpole", "+fitness.function=own.py:Mine"], ["no key fitness.function"]),
         (["environment=cartpole", "+task.trials=3"], ["no key task.trials"]),
         (["environment=cartpole", "+physics.friction=3"], ["no key physics.friction"]),
         (["environment=cartpole", "environment.changes=[{at: true, length: 1}]"], ["{at: STEP"]),

@@ -1,6 +1,8 @@
 """An environment as a world: readings, actions, faults between them, seeds, and what a trial finds."""
 
+import json
 import math
+import re
 
 import gymnasium
 import numpy as np
@@ -274,6 +276,26 @@ def test_readings_that_say_nothing_are_noted():
     (note,) = world(Blind)[0].findings.notes
     assert "1 (largest 900) are 1 or -1" in note
     assert "2 (largest 0.001) never move" in note
+    assert "environment.scale=[3,900,0.001]" in note
+
+
+def test_the_scale_that_a_note_lists_lets_readings_move():
+    class Wide(Sum):
+        sizes = np.array([1.0, 1e6, 1e-4])
+
+        def reset(self, *, seed=None, options=None):
+            return super().reset(seed=seed)[0] * 0 + self.sizes, {}
+
+        def step(self, action):
+            super().step(action)
+            return (1.5 + np.sin(self.place)) * self.sizes, 0.0, False, False, {}
+
+    (note,) = world(Wide)[0].findings.notes
+    scale = json.loads(re.search(r"environment\.scale=(\[.*\])", note)[1])
+    assert world(Wide, scale=scale)[0].findings.notes == ()
+
+
+def test_no_note_where_readings_move():
     assert world()[0].findings.notes == ()
 
 

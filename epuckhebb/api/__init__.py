@@ -18,22 +18,17 @@ from epuckhebb.analysis.evolutions import distinct, summary
 from epuckhebb.analysis.lifetimes import Evaluated, gather
 from epuckhebb.api.results import Evaluation, Evolution, Live
 from epuckhebb.config import (
-    EvaluateConfig,
     controller_of,
     load_any,
-    network_for,
     overrides_of,
     quoted,
     value_text,
-    with_controls,
 )
-from epuckhebb.config import load as load_config
-from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.plasticity.rule import NoRule, Rule
 from epuckhebb.evolution.evolve import history_row
-from epuckhebb.runs import as_evolved, evolved, prepare_evaluation, prepare_evolution, settings_but_seed
-from epuckhebb.runtime import ConfigError, bar, be_quiet, say, thread_count
-from epuckhebb.store import Genome, checked_genes, load_genome, resolve_run
+from epuckhebb.runs import as_evolved, evolved, genome_of, prepare_evaluation, prepare_evolution, settings_but_seed
+from epuckhebb.runtime import ConfigError, bar, be_quiet, refusing, thread_count
+from epuckhebb.store import load_genome, resolve_run
 
 Genes = NDArray[np.float64]
 _NEEDS_WAYS = "evolutions must be names with lists of evolutions or run folders, as {'ga': ['runs/evolve/A']}"
@@ -64,7 +59,8 @@ def evaluate(
 
     Every key of the command line is a keyword: `scenario="4obstacles"`, `repeats=5`, `threads=1`. What has a dot is
     given as settings, `lifetime={"duration_s": 60}`, or as text, `"lifetime.duration_s=60"`. Objects go where they
-    belong: `hebbian=Hebbian(N=0.0002)` or a rule of your own, `lifetime=Lifetime(...)`, `adaptation=Adaptation(...)`.
+    belong: `hebbian=Hebbian(N=0.0002)` or a rule of your own, `lifetime=Lifetime(...)`, `adaptation=Adaptation(...)`,
+    `environment=Mine`, a class of `gymnasium.Env` or a function that makes one.
 
     Args:
         genome: Genes, or where they are, as for `load`.
@@ -74,42 +70,44 @@ def evaluate(
         keys: Settings as keywords.
 
     Returns:
-        The results: `.metrics` (a row a lifetime), `.table` (the paper's), `.traces` (the arrays of `traces.npz`),
-        `.plot()` (the paths) and `.replay()` (the page); a notebook shows the last two.
+        The results: `.metrics` (a row a lifetime), `.table` (means of each controller), `.traces` (arrays by name),
+        `.plot()` (the main figure) and `.replay()` (a page, or an environment's film); a notebook shows the last two.
     """
     be_quiet(not progress)
+    return _evaluated(genome, overrides, config_dir, keys)
+
+
+def _evaluated(
+    genome: Genes | Evolution | str | Path,
+    overrides: Sequence[str],
+    config_dir: str | Path | None,
+    keys: dict[str, Any],
+    *,
+    record: bool = True,
+) -> Evaluation:
+    """Run the lifetimes of a genome. record: keep more of them than a row each."""
     rule = keys.pop("hebbian") if isinstance(keys.get("hebbian"), Rule) else None
     folder, words = _folder(config_dir), overrides_of(overrides, keys)
     if isinstance(genome, str | Path):
         words = as_evolved([*words, f"genome={quoted(str(resolve_run(genome, 'evolve')))}"], folder)
-    config = load_config(EvaluateConfig, words, folder)
-    if rule is not None:
-        if rule.N == 0 and not isinstance(rule, NoRule):
-            raise ConfigError(f"hebbian={type(rule).__name__}(...) has N = 0; give N, or hebbian='none'")
-        own = with_controls(controller_of(rule, config.adaptation), config.world.task)
-        for controller in own:
-            controller.check(config.world, config.lifetime.duration_s, config.wiring)
-        config.controllers = [*own, *(other for other in config.controllers if other.name in config.compare)]
-    loaded = None  # the one that the settings name
-    if not isinstance(genome, str | Path):
-        genes = genome.champion if isinstance(genome, Evolution) else genome
-        network, robot, array = network_for(config.world, config.shape), config.world.robot, np.asarray(genes)
-        plans = [plan_of(network), *(plan_of(network, type(controller.rule)) for controller in config.controllers)]
-        plan = next((plan for plan in plans if array.shape == (plan.genes,)), plans[0])
-        array = checked_genes(array, "the given array", plan)
-        loaded = Genome(
-            genes=array, name="genome", network=network, robot=robot.name, lights=robot.light.count, plan=plan
-        )
+    config = load_any("evaluate", words, folder)
+    _take(config, rule)
+    genes = genome.champion if isinstance(genome, Evolution) else genome
+    loaded = None if isinstance(genes, str | Path) else genome_of(genes, config)
     prepared = prepare_evaluation(config, loaded)
     prepared.world.compile(prepared.genome.network)
-    rows, recorded = prepared.run(thread_count(config.threads))
-    return Evaluation(
-        metrics=pd.DataFrame(rows),
-        config=config,
-        genome=prepared.genome,
-        recorded=recorded,
-        lifetime_ids=prepared.lifetime_ids,
-    )
+    rows, recorded = prepared.run(thread_count(config.threads), record=record)
+    return Evaluation(metrics=pd.DataFrame(rows), prepared=prepared, recorded=recorded)
+
+
+def _take(config: Any, rule: Rule | None) -> None:
+    """Let the controllers of a run learn by a rule that is an object, if one is given."""
+    if rule is None:
+        return
+    if rule.N == 0 and not isinstance(rule, NoRule):
+        raise ConfigError(f"hebbian={type(rule).__name__}(...) has N = 0; give N, or hebbian='none'")
+    with refusing():
+        config.take(rule)
 
 
 def evolve(*overrides: str, config_dir: str | Path | None = None, progress: bool = True, **keys: Any) -> Evolution:
@@ -119,13 +117,16 @@ def evolve(*overrides: str, config_dir: str | Path | None = None, progress: bool
         overrides: Settings as on the command line, for example "seed=7".
         config_dir: A folder with YAML files of your own.
         progress: Whether to show how far it is: a bar.
-        keys: Settings as keywords: `seed=7`, `scenario="highlight"`, `ga=GA(population=20)`.
+        keys: Settings as keywords: `seed=7`, `scenario="highlight"`, `ga=GA(population=20)`; a rule and an environment
+            may be objects, as for `evaluate`.
 
     Returns:
         The champion of the last generation, and the rows of `history.csv`.
     """
     be_quiet(not progress)
+    rule = keys.pop("hebbian") if isinstance(keys.get("hebbian"), Rule) else None
     config = load_any("evolve", overrides_of(overrides, keys), _folder(config_dir))
+    _take(config, rule)
     prepared = prepare_evolution(config)
     prepared.compile()
     generations = list(prepared.generations(thread_count(config.threads)))
@@ -227,11 +228,12 @@ def sweep(
     jobs = [dict(zip(over, values, strict=True)) for values in itertools.product(*over.values())]
     evaluations = []
     with bar("job", len(jobs)) as shown:
+        be_quiet(True)
         for job in jobs:
             settings = {key: _label(key, value) for key, value in job.items()}
-            own = {"lifetime.record_every": 0, **keys, **job}
-            result = evaluate(own.pop("genome", genome), *overrides, config_dir=config_dir, progress=False, **own)
-            sha256, ids = result.genome.sha256, result.lifetime_ids
+            own = {**keys, **job}
+            result = _evaluated(own.pop("genome", genome), overrides, config_dir, own, record=False)
+            sha256, ids = result.genome.sha256, result.prepared.lifetime_ids
             evaluations.append(Evaluated(settings=settings, sha256=sha256, ids=ids, rows=result.metrics))
             shown.update()
     gathered = gather(evaluations)
@@ -245,6 +247,8 @@ def _label(key: str, value: Any) -> Any:
         given = {one.name: getattr(value, one.name) for one in fields(value) if getattr(value, one.name) != one.default}
         facts = (f"{name} = {own:g}" if isinstance(own, float) else f"{name} = {own}" for name, own in given.items())
         return ", ".join([controller_of(value, Adaptation()).name, *facts])
+    if callable(value):
+        return value.__name__
     if key == "genome" and not isinstance(value, str | Path):
         return "array"
     return value if isinstance(value, str | int | float) else value_text(value, key)

@@ -1,7 +1,7 @@
 """What the Python interface gives: results that a notebook shows."""
 
 import html
-from collections.abc import Mapping
+from base64 import b64encode
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -11,16 +11,12 @@ import pandas as pd
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from epuckhebb.analysis import figures, reversal
-from epuckhebb.analysis.evaluate import TRIALS, Traces
+from epuckhebb.analysis.evaluate import TRIALS
 from epuckhebb.analysis.image import image
-from epuckhebb.analysis.paper_table import PaperTable
-from epuckhebb.config import EvaluateConfig
 from epuckhebb.export.replay import Recording, page_of
 from epuckhebb.live.server import Play
-from epuckhebb.runs import caption, notes_of
-from epuckhebb.runtime import ConfigError
-from epuckhebb.store import Genome, traces_arrays
+from epuckhebb.runs import PreparedEvaluation, caption, drawn
+from epuckhebb.store import Genome
 
 _LIVE = '<iframe src="{}" width="100%" height="860" style="border:0" allow="clipboard-write"></iframe>'
 _FRAME = '<iframe srcdoc="{}" width="100%" height="760" style="border:0" sandbox="allow-scripts"></iframe>'
@@ -60,69 +56,100 @@ class Live(Play):
         self.__exit__()
 
 
+@dataclass(frozen=True)
+class Film:
+    """An animated GIF that a notebook shows. data: the file."""
+
+    data: bytes = field(repr=False)
+
+    def _repr_html_(self) -> str:
+        return f'<img src="data:image/gif;base64,{b64encode(self.data).decode()}">'
+
+
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Evaluation:
-    """The results of an evaluation's lifetimes; a notebook shows the paper's table.
+    """The results of an evaluation's lifetimes; a notebook shows the table.
 
     Attributes:
         metrics: A row a lifetime, with the columns of `metrics.csv`.
-        config: The settings.
-        genome: The genome that was evaluated.
     """
 
     metrics: pd.DataFrame
-    config: EvaluateConfig
-    genome: Genome
-    recorded: Traces
-    lifetime_ids: Mapping[str, str]
+    prepared: PreparedEvaluation
+    recorded: Any
 
     @property
-    def _recording(self) -> Recording:
-        if not self.config.lifetime.record_every:
-            raise ConfigError("nothing was recorded with lifetime.record_every=0; give lifetime={'record_every': 8}")
-        genome, title = self.genome, caption(self.config, self.genome.name)
-        notes = notes_of(genome, self.config)
-        return Recording(self.recorded, genome.weights, genome.network, self.config, title, notes)
+    def config(self) -> Any:
+        """The settings."""
+        return self.prepared.config
+
+    @property
+    def genome(self) -> Genome:
+        """The genome that was evaluated."""
+        return self.prepared.genome
+
+    @property
+    def _rows(self) -> list[dict[str, Any]]:
+        return [{str(name): value for name, value in row.items()} for row in self.metrics.to_dict("records")]
+
+    @property
+    def _notes(self) -> list[str]:
+        return self.prepared.world.notes(self.genome)
 
     @cached_property
     def table(self) -> pd.DataFrame:
-        """The paper's table: a row for each metric, a column for each controller and side; means over the repeats.
+        """What `evaluate` shows: means over the repeats.
 
-        Of reversal learning, a row for each controller.
+        In the maze the paper's table: a row for each metric, a column for each controller and side. Of reversal
+        learning, and in an environment, a row for each controller.
         """
-        task = self.config.world.task
-        if task.has_trials:
-            return reversal.table(self.metrics, self.trials, task, self.config.seed).set_index("controller")
-        means = pd.DataFrame(PaperTable.from_rows(self.metrics.to_dict("records")).means)
-        return means.rename_axis("metric").rename_axis(["controller", "side"], axis=1)
+        return self.prepared.world.table(self._rows, self.recorded)
 
     @cached_property
     def traces(self) -> dict[str, NDArray[Any]]:
-        """What was recorded of the first repeat: the arrays of `traces.npz`; ValueError if nothing was recorded."""
-        made = self._recording
-        return traces_arrays(made.traces, made.weights, made.network)
+        """What was recorded, by name: the arrays of `traces.npz`; ValueError if nothing was recorded.
+
+        In an environment `reward`, `weight_change` and `weight_step`, (lifetimes, steps), nan after the end.
+        """
+        self.prepared.world.check_recorded()
+        return self.prepared.world.arrays(self.genome, self.recorded)
 
     @property
     def trials(self) -> pd.DataFrame:
         """A row for each trial of each lifetime, as in `reversal_trials.csv`; none where a life is one trial."""
-        return pd.DataFrame(self.recorded.trials, columns=list(TRIALS))
+        return pd.DataFrame(getattr(self.recorded, "trials", []), columns=list(TRIALS))
 
     def plot(self) -> Picture:
-        """The paths of the first repeat, for each controller; ValueError if nothing was recorded."""
-        made = self._recording
-        return Picture(figures.trajectories(made.traces, made.config.world, made.title))
+        """The main figure: the paths of the first repeat, or the reward over a lifetime in an environment.
 
-    def replay(self) -> Page:
-        """The page to watch the first repeat, step by step; ValueError if nothing was recorded."""
-        return Page(page_of(self._recording))
+        Raises:
+            ValueError: Nothing was recorded.
+        """
+        world = self.prepared.world
+        world.check_recorded()
+        figures = world.write(lambda *_: None, self.genome, self._rows, self.recorded)
+        _, figure = next(drawn(self.config, self.genome.name, figures))
+        return Picture(figure)
+
+    def replay(self) -> Page | Film:
+        """The page to watch the first repeat step by step, or a film of the first lifetime in an environment.
+
+        Raises:
+            ValueError: Nothing was recorded, or the environment cannot be drawn.
+        """
+        world, genome = self.prepared.world, self.genome
+        world.check_recorded()
+        if film := world.film(genome):
+            return Film(film)
+        title = caption(self.config, genome.name)
+        return Page(page_of(Recording(self.recorded, genome.weights, genome.network, self.config, title, self._notes)))
 
     def __repr__(self) -> str:
         """The table, and what a reader must know beside it."""
-        return "\n".join([str(self.table), *notes_of(self.genome, self.config)])
+        return "\n".join([str(self.table), *self._notes])
 
     def _repr_html_(self) -> str:
-        notes = (f"<p>{html.escape(note)}</p>" for note in notes_of(self.genome, self.config))
-        return "".join([self.table.to_html(), *notes])
+        return "".join([self.table.to_html(), *(f"<p>{html.escape(note)}</p>" for note in self._notes)])
 
 
 class Evolution(NamedTuple):

@@ -6,11 +6,7 @@ file that knows Hydra, imports `catalogue`, `compose` and `resolve` too. What ca
 """
 
 from epuckhebb.config import hand
-from epuckhebb.config.build import (
-    controller_of,
-    network_for,
-    with_controls,
-)
+from epuckhebb.config.build import controller_of
 from epuckhebb.config.compose import configurations, load, load_any, swept_values
 from epuckhebb.config.environments import EnvironmentConfig, EvaluateEnvironment, EvolveEnvironment, environment_of_run
 from epuckhebb.config.errors import explain
@@ -33,6 +29,7 @@ from epuckhebb.config.plugins import (
     OWN_CODE,
     OwnFile,
     class_named,
+    loaders,
     own_files,
     own_place,
     own_references,

@@ -3,11 +3,9 @@
 They have files of their own in `conf/`, so that keys of the maze are none of theirs, nor theirs of the maze.
 """
 
-import functools
-import importlib
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import chdir
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
+from inspect import isfunction
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -16,25 +14,31 @@ from omegaconf import DictConfig, OmegaConf
 from epuckhebb.config import build
 from epuckhebb.config.overrides import ANY, OF_ENVIRONMENT, parsed, value_text
 from epuckhebb.config.parts import NONE, Layers, part_from
-from epuckhebb.config.plugins import class_named, load
+from epuckhebb.config.plugins import class_named, is_own, object_named
 from epuckhebb.config.schema import Checked, Evaluates, Evolves, Figures, register
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.control import Control, Sign
-from epuckhebb.controller.plasticity.rule import Acts, NoRule, Rule
+from epuckhebb.controller.plasticity.rule import Acts, Normalise, NoRule, Rule
 from epuckhebb.controller.ranges import check, within
 from epuckhebb.controller.wiring import LAYERS, Wiring
 from epuckhebb.evolution.training import UNVARIED
-from epuckhebb.runtime import ConfigError, conf, did_you_mean, path_of, refusing, yaml_file
+from epuckhebb.runtime import ConfigError, conf, did_you_mean, yaml_file
 from epuckhebb.tmaze.individual import Controller
 from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.own_fitness import IN_ENVIRONMENT, Fitness
 from epuckhebb.worlds.changes import AT, FUNCTION
 from epuckhebb.worlds.environment import Environment, World
+from epuckhebb.worlds.making import Maker, gymnasium
 
 SIGNAL = "reward"  # the live fitness in environments
+RETURN = "return"  # the fitness unless there is another one
 WITHOUT, FROZEN = "without plasticity", "frozen at the change"
-_INSTALL = 'pip install "epuckhebb[gym]"'
 _RATE = 0.002  # N of a rule whose row has that of the maze
-_AS_PAPERS = {"N": 0.05, "normalise": "largest"}  # of ABCD and its kin, as their programs do outside Bullet
+_USUAL = {"floor": 1.0, "N_gain_rad_s": 0.0}  # of all rules
+_AS_PAPERS: dict[str, Any] = {
+    "N": 0.05,
+    "normalise": "largest",
+}  # of ABCD and its kin, as their programs do outside Bullet
 
 
 @dataclass(kw_only=True)
@@ -53,11 +57,28 @@ class EnvironmentConfig(Checked):
         check(self)
         self.world = world_of(self.environment)
         self.world.check()
+        self.judge: Fitness | None = None
         self.network_made = _network(self.world, part_from("wiring", self.network, "network"))
         self.shape = self.network_made.wiring
         self.rule = build.rule_from(self.hebbian, "hebbian")
-        self.controllers = [Controller(name=str(self.hebbian.get("name") or WITHOUT), rule=self.rule)]
-        self.check_rule(self.rule)
+        self.use(self.rule, self.hebbian.get("name"))
+
+    def use(self, rule: Rule, called: str | None = None) -> None:
+        """Let controllers learn by a rule. called: its name in tables; that of its class unless given."""
+        self.check_rule(rule)
+        name = WITHOUT if isinstance(rule, NoRule) else called or rule.name.lower()
+        self.rule, self.controllers = rule, [Controller(name=name, rule=rule)]
+
+    def take(self, rule: Rule) -> None:
+        """Let controllers learn by a rule that was made in Python.
+
+        What it leaves as its class has it is as in all environments.
+        """
+        usual: dict[str, Any] = {**_USUAL, "signal": SIGNAL}
+        if rule.name.startswith("abcd") and self.shape is None:
+            usual["normalise"] = Normalise[_AS_PAPERS["normalise"]]
+        left = {field.name for field in fields(rule) if getattr(rule, field.name) == field.default}
+        self.use(replace(rule, **{key: value for key, value in usual.items() if key in left}))
 
     def check_rule(self, rule: Rule) -> None:
         """Refuse a rule with what only the maze has."""
@@ -95,13 +116,24 @@ class EnvironmentConfig(Checked):
 @register
 @dataclass(kw_only=True)
 class EvolveEnvironment(Evolves, EnvironmentConfig):
-    """All keys of `epuckhebb evolve environment=NAME`."""
+    """All keys of `epuckhebb evolve environment=NAME`.
+
+    judge: what evolution maximises; None for the return.
+    """
 
     command: ClassVar[str] = f"evolve{OF_ENVIRONMENT}"
+    fitness: dict[str, Any] = field(default_factory=lambda: {"function": RETURN})
 
     def __post_init__(self) -> None:
         """Validate the settings."""
         super().__post_init__()
+        if self.fitness != {"function": RETURN}:
+            self.judge = part_from("fitness", self.fitness, "fitness")
+            self.judge.check_world(IN_ENVIRONMENT)
+
+    def use(self, rule: Rule, called: str | None = None) -> None:
+        """Let controllers learn by a rule. called: its name in tables; that of its class unless given."""
+        super().use(rule, called)
         self.plan_search(UNVARIED, Lifetime())
 
 
@@ -116,9 +148,9 @@ class EvaluateEnvironment(Evaluates, EnvironmentConfig):
 
     command: ClassVar[str] = f"evaluate{OF_ENVIRONMENT}"
 
-    def __post_init__(self) -> None:
-        """Validate the settings."""
-        super().__post_init__()
+    def use(self, rule: Rule, called: str | None = None) -> None:
+        """Let controllers learn by a rule and its controls. called: its name in tables; its class unless given."""
+        super().use(rule, called)
         (main,) = self.controllers
         rules = {} if isinstance(self.rule, NoRule) else {WITHOUT: replace(self.rule, N=0.0)}
         rules[""] = self.rule
@@ -134,42 +166,23 @@ class EvaluateEnvironment(Evaluates, EnvironmentConfig):
 
 def world_of(settings: Environment) -> World:
     """The world of settings; it is checked where it is used first."""
-    make = functools.partial(_make, settings)
     functions = {change[FUNCTION]: _function(change[FUNCTION]) for change in settings.changes if FUNCTION in change}
     own = settings.id.rpartition(":")[2] if settings.name == ANY else settings.name
-    return World(settings=replace(settings, name=own), make=make, functions=functions)
+    return World(settings=replace(settings, name=own), make=Maker(settings, _entry(settings.id)), functions=functions)
 
 
-def _make(settings: Environment, **more: Any) -> Any:
-    """An environment of Gymnasium, or of a class of the user's; a ConfigError if it cannot be made."""
-    with refusing(lambda _: f"environment={settings.name} needs Gymnasium: {_INSTALL}", ImportError):
-        import gymnasium
-    options, missing = {**settings.options, **more}, (ImportError, gymnasium.error.DependencyNotInstalled)
-    package, _, name = settings.id.rpartition(":")
-
-    def reason(error: Exception) -> str:  # of a user's code, or of a library that is missing
-        hint = f"; environments of MuJoCo: {_INSTALL}" if isinstance(error, missing) and not package else ""
-        return f"environment.id={settings.id}: {type(error).__name__}: {error}{hint}"
-
-    with refusing(reason, Exception), chdir(Path.cwd()):  # one of the user's may go elsewhere
-        if package.endswith(".py"):
-            kind: Any = class_named(settings.id, gymnasium.Env, "environment.id")
-            return kind(**options)
-        if package:
-            importlib.import_module(package)  # it registers its environments
-        if "mujoco" in str(gymnasium.spec(name).entry_point):
-            import mujoco
-
-            mujoco.set_mju_user_warning(lambda _: None)  # else each environment prints one, and writes a file here
-            options = {"camera_name": "track", **options} if more else options  # a film follows the robot
-        return gymnasium.make(name, max_episode_steps=settings.horizon, disable_env_checker=True, **options)
+def _entry(text: str) -> Callable[..., Any] | None:
+    """The class or function of the user's that makes an environment; None for an id of Gymnasium."""
+    if not is_own(text):
+        return None
+    made: Callable[..., Any] = object_named(text, "environment.id")
+    return made if isfunction(made) else class_named(text, gymnasium().Env, "environment.id")
 
 
 def _function(text: Any) -> Callable[[Any], None]:
     """A change that is a function of the user's, of an environment."""
-    file, _, name = str(text).rpartition(":")
     key = f"environment.changes: {FUNCTION}"
-    function: Callable[[Any], None] | None = getattr(load(path_of(file, key), key), name, None)
+    function: Callable[[Any], None] | None = object_named(str(text), key)
     if not callable(function):
         raise ConfigError(f"{key} must be FILE.py:NAME, a function of an environment, got {text}")
     return function
@@ -239,7 +252,7 @@ def complete(cfg: DictConfig, choices: Mapping[str, str], overrides: Sequence[st
 
 def fit_rule(rule: DictConfig, choice: str, network: DictConfig, is_typed: Callable[[str], bool]) -> None:
     """Give a rule what it has in environments: no wheel gain, the reward as live fitness, and rates of the papers."""
-    defaults = {"signal": SIGNAL, "floor": 1.0, "N_gain_rad_s": 0.0}
+    defaults = {**_USUAL, "signal": SIGNAL}
     if choice.startswith("abcd"):
         defaults |= _AS_PAPERS if network.wiring == LAYERS else {"N": _AS_PAPERS["N"]}
     if "scenario" in str(conf.table("hebbian").get(choice, {}).get("N", "")) or "N" not in rule:

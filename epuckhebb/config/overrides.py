@@ -19,6 +19,7 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.adaptation.adaptation import NONE, Adaptation
+from epuckhebb.config.plugins import text_of
 from epuckhebb.config.schema import OPEN, SCHEMAS, literal
 from epuckhebb.controller.own_class import OwnClass
 from epuckhebb.runtime import ConfigError, conf, data_folder, did_you_mean
@@ -259,7 +260,11 @@ def overrides_of(overrides: Sequence[Any], keys: Mapping[str, Any]) -> list[str]
 
 def _overrides_of_keyword(key: str, value: Any) -> Iterator[str]:
     """The overrides that a keyword stands for: one, or those of the keys below it."""
-    if isinstance(value, type) or (isinstance(value, OwnClass) and key != "ga"):
+    if key == _ENVIRONMENT.rstrip("=") and (callable(value) or (isinstance(value, Mapping) and "id" in value)):
+        yield f"{_ENVIRONMENT}{ANY}"
+        value = {"id": value} if callable(value) else value
+    is_class = isinstance(value, type) and not key.startswith(_ENVIRONMENT.rstrip("="))
+    if is_class or (isinstance(value, OwnClass) and key != "ga"):
         raise ConfigError(f"{key} must be a name or settings here, got {value}; of a part of your own: FILE.py:NAME")
     if isinstance(value, Adaptation) and value.acts and value.name == NONE:
         raise ConfigError(f"{key} needs a name for tables and figures; give Adaptation(name='mine', ...)")
@@ -284,6 +289,8 @@ def value_text(value: Any, key: str) -> str:
         return repr(value).lower()
     if isinstance(value, str | Path):
         return quoted(str(value))
+    if callable(value) and key.startswith("environment."):
+        return quoted(text_of(value))
     if isinstance(value, Mapping):
         return "{" + ",".join(f"{name}: {value_text(inner, f'{key}.{name}')}" for name, inner in value.items()) + "}"
     if isinstance(value, list | tuple):

@@ -5,12 +5,13 @@ A file is loaded into a package of its own, whose folder is that of the file: it
 """
 
 import copy
+import functools
 import hashlib
 import importlib
 import re
 import sys
 import traceback
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib.util import module_from_spec, spec_from_file_location
@@ -31,6 +32,7 @@ from epuckhebb.runtime import ConfigError, did_you_mean, path_of
 OWN_CODE = "own_code"  # the folder of the copies in a run folder
 _NAMED = re.compile(r"(.+\.py):([^\W\d]\w*)", re.DOTALL)
 Base = TypeVar("Base")
+_objects: dict[str, Any] = {}  # classes and functions that Python gave, by the text that stands for each
 
 
 @dataclass(frozen=True)
@@ -108,13 +110,42 @@ def with_own_copies(values: dict[str, Any], run: Path, own_code: Mapping[str, An
     return values
 
 
+def is_own(text: str) -> bool:
+    """Whether a text of a configuration names something of the user's: FILE.py:NAME, or an object of Python."""
+    return ".py:" in text or text in _objects
+
+
+def text_of(thing: Any) -> str:
+    """The text that stands for a class or a function of Python in a configuration of this process."""
+    text = f"{thing.__module__}:{thing.__qualname__}"
+    _objects[text] = thing
+    return text
+
+
+def object_named(text: str, key: str) -> Any:
+    """What `FILE.py:NAME`, or a text of `text_of`, names; None if the file has no such name.
+
+    key: names it in messages.
+    """
+    if text in _objects:
+        return _objects[text]
+    file, _, name = text.rpartition(":")
+    return getattr(load(path_of(file, key), f"{key}={text}"), name, None)
+
+
+def loaders(config: Any) -> list[Callable[[], ModuleType]]:
+    """Functions that load the user's files that a configuration names, for another process."""
+    paths = dict.fromkeys(path for _, _, path, _ in own_references(config))
+    return [functools.partial(load, path, str(path)) for path in paths]
+
+
 def class_named(text: str, base: type[Base], key: str) -> type[Base]:
     """The subclass of a base class that `FILE.py:NAME` names. key: whose value that is, for messages."""
-    file, _, name = text.rpartition(":")
-    module = load(path_of(file, key), f"{key}={text}")
-    kind = getattr(module, name, None)
+    kind = object_named(text, key)
     if isinstance(kind, type) and issubclass(kind, base):
         return kind
+    file, _, name = text.rpartition(":")
+    module = load(path_of(file, key), f"{key}={text}")
     known = [n for n, v in vars(module).items() if isinstance(v, type) and issubclass(v, base) and v is not base]
     hint = f"{', '.join(known) or 'none'}{did_you_mean(name, known)}"
     raise ConfigError(f"{key}={text}: it has no subclass {name} of {base.__name__}, but {hint}")

@@ -31,7 +31,7 @@ from epuckhebb.evolution.training import Training
 from epuckhebb.runtime import refusing
 from epuckhebb.tmaze.individual import GA_ALONE, Controller
 from epuckhebb.tmaze.life import Lifetime
-from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
+from epuckhebb.tmaze.own_fitness import IN_MAZE, PAPER_FITNESS
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
@@ -44,7 +44,10 @@ Config = TypeVar("Config", bound="Checked")
 
 
 class Checked:
-    """What all configurations have in common: the values that Hydra composed, from which they are made."""
+    """What all configurations have in common: the values that Hydra composed, from which they are made.
+
+    controllers: those whose lifetimes run, besides the network alone.
+    """
 
     command: ClassVar[str]
     composed: DictConfig
@@ -52,6 +55,15 @@ class Checked:
     hebbian: dict[str, Any]
     rule: Rule
     network_made: Network
+    controllers: list[Controller]
+
+    def use(self, rule: Rule, called: str | None = None) -> None:
+        """Let controllers learn by a rule. called: its name in tables; that of its class unless given."""
+        raise NotImplementedError
+
+    def take(self, rule: Rule) -> None:
+        """Let controllers learn by a rule that was made in Python."""
+        self.use(rule)
 
     @functools.cached_property
     def values(self) -> Plain:
@@ -136,11 +148,11 @@ class WorldConfig(Checked):
         """Validate the settings."""
         check(self)
         self.world = build.scenario_from(self.scenario, self.maze, self.robot, self.task, self.fitness, self.physics)
+        self.world.fitness.check_world(IN_MAZE)
         made = part_from("wiring", self.network, "network")
         self.shape = made.layers if isinstance(made, Layers) else made
         self.wiring = self.shape if isinstance(self.shape, Wiring) else None
-        if self.shape is not None:
-            build.network_for(self.world, self.shape)
+        self.network_made = build.network_for(self.world, self.shape)
         self.world.check_lifetime(self.lifetime)
         self.rule = build.rule_from(self.hebbian, "hebbian")
 
@@ -203,7 +215,11 @@ class EvaluateConfig(Evaluates, WorldConfig):
         """Validate the settings."""
         super().__post_init__()
         self.adaptation = build.with_signal(self.adaptation)
-        main = build.controller_of(self.rule, self.adaptation, self.hebbian.get("name"))
+        self.use(self.rule, self.hebbian.get("name"))
+
+    def use(self, rule: Rule, called: str | None = None) -> None:
+        """Let controllers learn by a rule. called: its name in tables; that of its class unless given."""
+        self.rule, main = rule, build.controller_of(rule, self.adaptation, called)
         self.controllers = self.compared(main, build.with_controls(main, self.world.task), self.scenario.paper_N)
         for controller in self.controllers:
             controller.check(self.world, self.lifetime.duration_s, self.wiring)
@@ -225,12 +241,15 @@ class EvolveConfig(Evolves, WorldConfig):
         super().__post_init__()
         if self.scenario.hand is not None:
             raise ValueError(f"scenario.hand={self.scenario.hand} is for `epuckhebb evaluate`; evolve takes changes")
-        self.controller = build.controller_of(self.rule, Adaptation(), self.hebbian.get("name"))
+        self.use(self.rule, self.hebbian.get("name"))
+
+    def use(self, rule: Rule, called: str | None = None) -> None:
+        """Let controllers learn by a rule. called: its name in tables; that of its class unless given."""
+        self.rule, self.controller = rule, build.controller_of(rule, Adaptation(), called)
         self.controller.check(self.world, self.lifetime.duration_s, self.wiring)
         self.controllers = [self.controller, *[GA_ALONE] * self.training.rule_off]
         if self.rule.carries_history:
             raise ValueError("hebbian.carries_history=true is for evaluate: in evolution no lifetime follows another")
-        self.network_made = build.network_for(self.world, self.shape)
         self.plan_search(self.training, self.lifetime)
         self.training.check(self.world, self.lifetime, self.schedule.loops)
         inherits = type(self.algorithm).inherit is not Algorithm.inherit

@@ -11,7 +11,7 @@ from epuckhebb.analysis import replay as pages
 from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.config import EvaluateConfig
 from epuckhebb.controller.network import Network
-from epuckhebb.runs import caption, config_of, film, prepare_evaluation
+from epuckhebb.runs import caption, config_of, prepare_evaluation
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Run, read_traces, write_atomic
 from epuckhebb.studies.flock import replay_page
@@ -53,8 +53,10 @@ def replay(run: Path, page: Path | None = None, gif: Path | None = None) -> list
         if page is not None:
             raise ConfigError("a run in an environment is replayed as a GIF; give --gif FILE, or neither of both")
         gif = gif or run / "replay.gif"
-        config = config_of(Run(run), "evaluate")
-        write_atomic(gif, film(config, prepare_evaluation(config).genome))
+        prepared = prepare_evaluation(config_of(Run(run), "evaluate"))
+        film = prepared.world.film(prepared.genome)
+        assert film is not None  # an environment draws itself
+        write_atomic(gif, film)
         return [gif]
     page = page or (None if gif else run / "replay.html")
     if Run(run).has("flock.csv"):

@@ -11,8 +11,10 @@ from epuckhebb.runs.evaluate import (
     PreparedEvaluation,
     as_evolved,
     check_rules,
+    drawn,
     evaluate_into,
     evaluate_job,
+    genome_of,
     prepare_evaluation,
 )
 from epuckhebb.runs.evolve import (
@@ -24,7 +26,6 @@ from epuckhebb.runs.evolve import (
     resume,
     settings_but_seed,
 )
-from epuckhebb.runs.gymnasium import film
 from epuckhebb.runs.maze import compile_for
 from epuckhebb.runs.notes import caption, notes_of
 from epuckhebb.runs.rerun import config_of, repeat

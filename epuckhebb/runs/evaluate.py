@@ -1,7 +1,7 @@
 """`epuckhebb evaluate`: runs the lifetimes of a genome in a world, and writes them into a run folder."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +21,7 @@ from epuckhebb.runs.begin import begin
 from epuckhebb.runs.hydra import Report, unreported
 from epuckhebb.runs.world import world_of
 from epuckhebb.runtime import LATEST, ConfigError, data_folder
-from epuckhebb.store import Genome, Run, RunFolder, below_runs, digest, load_genome, resolve_run
+from epuckhebb.store import Genome, Run, RunFolder, below_runs, checked_genes, digest, load_genome, resolve_run
 from epuckhebb.tmaze.individual import GA_ALONE
 from epuckhebb.tmaze.robot import EPUCK
 from epuckhebb.tmaze.scenario import TRAINED
@@ -40,9 +40,9 @@ class PreparedEvaluation:
         """The world in which the lifetimes run."""
         return world_of(self.config)
 
-    def run(self, threads: int) -> tuple[Rows, Any]:
-        """Run the lifetimes: a row each, and what else was recorded."""
-        return self.world.run(self.genome, self.world.nominal(self.genome, threads), threads)
+    def run(self, threads: int, *, record: bool = True) -> tuple[Rows, Any]:
+        """Run the lifetimes: a row each, and what else was recorded, if any is."""
+        return self.world.run(self.genome, self.world.nominal(self.genome, threads), threads, record=record)
 
     @property
     def lifetime_ids(self) -> dict[str, str]:
@@ -140,15 +140,32 @@ def _latest_in(environment: str) -> Path:
     return resolve_run(LATEST, "evolve")
 
 
+def genome_of(genes: Any, config: Any) -> Genome:
+    """A genome that is an array, for the network of some settings, without or with the parameters of their rules."""
+    network, array = config.network_made, np.asarray(genes)
+    plans = [plan_of(network), *(plan_of(network, type(controller.rule)) for controller in config.controllers)]
+    plan = next((plan for plan in plans if array.shape == (plan.genes,)), plans[0])
+    return Genome(
+        genes=checked_genes(array, "the given array", plan), name="genome", network=network, plan=plan, robot=""
+    )
+
+
+def drawn(config: Any, name: str, figures: Figures) -> Iterator[tuple[str, Any]]:
+    """The figures of a run by their names, one by one. name: of the genome or the optimizer."""
+    from epuckhebb.runs import figures as functions  # matplotlib takes a while to load
+
+    for figure, parts in figures.items():
+        yield figure, vars(functions)[figure](config, name, *parts)
+
+
 def draw(run: RunFolder, config: Any, name: str, figures: Figures) -> None:
     """Draw the figures of a run, unless its settings have none. name: of the genome or the optimizer."""
     kind = config.figures.value
     if kind != "none" and figures:
         from epuckhebb.analysis.image import image
-        from epuckhebb.runs import figures as functions  # matplotlib takes a while to load
 
-        for figure, drawn in figures.items():
-            run.write(f"figures/{figure}.{kind}", image(vars(functions)[figure](config, name, *drawn), kind))
+        for title, figure in drawn(config, name, figures):
+            run.write(f"figures/{title}.{kind}", image(figure, kind))
 
 
 def evaluate_into(

@@ -4,34 +4,32 @@ Environments hold the lock of Python, so lifetimes run in processes. What each i
 are bit-identical with any number of processes.
 """
 
-import functools
 import io
 import itertools
-import json
 import math
 import time
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from epuckhebb.analysis.tables import Rows, plain
-from epuckhebb.config import EnvironmentConfig, from_values, schema_of
+from epuckhebb.config import EnvironmentConfig, loaders
 from epuckhebb.controller import random
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.controller import Controller
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.control import Sign, signs, signs_of_draw
-from epuckhebb.controller.plasticity.rule import Acts, NoRule
+from epuckhebb.controller.plasticity.rule import NoRule
 from epuckhebb.controller.random import Stream
 from epuckhebb.evolution.evolve import Evaluator
 from epuckhebb.runs import hydra
 from epuckhebb.runtime import ConfigError, compiling, refusing
 from epuckhebb.store import Genome
 from epuckhebb.worlds.environment import Lived
+from epuckhebb.worlds.lives import Setup, Work, live_in_worker
 from epuckhebb.worlds.world import Figures, World, Write
 
 _CHUNKS = 4  # of the work of each process, whose parts take different times
@@ -40,19 +38,15 @@ _MOST_SEED = 2**31 - 1
 _FRAMES, _FRAME_MS, _CHANGED = 200, 40, "#D55E00"  # of a film; around what is after a change
 
 
-class Work(NamedTuple):
-    """Lifetimes of one genome. number: of the controller, in the settings. signs: None for those of the rule."""
-
-    number: int
-    genes: Floats
-    seeds: tuple[int, ...]
-    signs: Floats | None = None
-    record: bool = False
-
-
 def seed_of(seed: int, stream: Stream, *place: int) -> int:
     """The seed of an environment at a place in a study."""
     return int(random.key(seed, stream, *place)) & _MOST_SEED
+
+
+def setup_of(config: EnvironmentConfig) -> Setup:
+    """What the lifetimes of a run need."""
+    rules = tuple(controller.rule for controller in config.controllers)
+    return Setup(config.world, config.network_made, rules, judge=config.judge)
 
 
 def run_lifetimes(
@@ -63,44 +57,21 @@ def run_lifetimes(
     The first work is run here, and so are all others if processes would take longer to start. times: how often as much
     work comes.
     """
-    is_fresh, began = config.world.findings.needs_fresh, time.perf_counter()
-    first, works = _live(config, works[0], is_fresh), works[1:]
+    setup = setup_of(config)._replace(is_fresh=config.world.findings.needs_fresh)
+    began = time.perf_counter()
+    first, works = setup.live(works[0]), works[1:]
     if processes < 2 or not works or (time.perf_counter() - began) * len(works) * times < _WORTH_S:
-        return [first, *(_live(config, work, is_fresh) for work in works)]
+        return [first, *map(setup.live, works)]
+    import cloudpickle  # which Gymnasium brings, and which pickles classes of a notebook, too
     import joblib
 
-    values = config.command.partition("_")[0], json.dumps(config.values)
+    sent = cloudpickle.dumps(setup._replace(world=replace(setup.world)))  # without the environment that it keeps
     count = min(len(works), processes * _CHUNKS)
     chunks = [works[k * len(works) // count : (k + 1) * len(works) // count] for k in range(count)]
     with hydra.joblib_workers():
-        jobs = [joblib.delayed(_live_chunk)(*values, is_fresh, chunk) for chunk in chunks]
+        jobs = [joblib.delayed(live_in_worker)(loaders(config.values), sent, chunk) for chunk in chunks]
         found = joblib.Parallel(n_jobs=processes)(jobs)
     return [first, *(lives for chunk in found for lives in chunk)]
-
-
-@functools.lru_cache(maxsize=2)
-def _config(command: str, values: str) -> Any:
-    """The configuration of a worker, which makes the environment once."""
-    settings = json.loads(values)
-    return from_values(settings, schema_of(command, settings), command)
-
-
-def _live_chunk(command: str, values: str, is_fresh: bool, works: Sequence[Work]) -> list[list[Lived]]:
-    config = _config(command, values)
-    return [_live(config, work, is_fresh) for work in works]
-
-
-def _controller(config: EnvironmentConfig, work: Work) -> Controller:
-    rule = replace(config.controllers[work.number].rule, acts=Acts.always)  # `live` ends it
-    return Controller(work.genes, config.network_made, rule, signs=work.signs, step_s=config.environment.step_s)
-
-
-def _live(config: EnvironmentConfig, work: Work, is_fresh: bool) -> list[Lived]:
-    controller = _controller(config, work)
-    frozen = config.controllers[work.number].rule.acts is Acts.before_change
-    return [
-        config.world.live(controller, seed, frozen=frozen, record=work.record, is_fresh=is_fresh) for seed in work.seeds
-    ]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,7 +97,7 @@ class _Evaluator(Evaluator):
         seeds = tuple(seed_of(seed, Stream.training_noise, generation, loop) for loop in loops)
         works = [Work(0, genes, seeds) for genes in population]
         found = run_lifetimes(self.config, works, self.processes, self.config.schedule.generations)
-        fitness = np.array([np.mean([lived.rewards.sum() for lived in lives]) for lives in found])
+        fitness = np.array([np.mean([lived.fitness for lived in lives]) for lives in found])
         steps = sum(len(lived.rewards) for lives in found for lived in lives)
         return fitness, np.full(len(fitness), np.nan), {}, steps
 
@@ -144,8 +115,9 @@ class Gymnasium(World):
 
     @property
     def facts(self) -> Mapping[str, Any]:
-        """The name of the environment."""
-        return {"robot": self.config.world.name, "lights": 0, "environment": self.config.world.name}
+        """The name of the environment, and of what evolution maximised."""
+        name, judge = self.config.world.name, self.config.judge
+        return {"robot": name, "lights": 0, "environment": name, "fitness_function": judge.name if judge else ""}
 
     def check_genome(self, genome: Genome) -> None:
         """Refuse a genome for another network."""
@@ -166,12 +138,15 @@ class Gymnasium(World):
 
     def compile(self, network: Network) -> None:
         """Load or compile the step of the controllers, before processes do."""
-        with compiling():
+        setup = setup_of(self.config)
+        with compiling(), refusing():
             for number, controller in enumerate(self.config.controllers):
                 genes = np.zeros(plan_of(network, type(controller.rule)).genes)
-                _controller(self.config, Work(number, genes, ())).act(np.zeros(network.inputs))
+                setup.controller(Work(number, genes, ())).act(np.zeros(network.inputs))
+                if self.config.judge:
+                    setup.live(Work(number, genes, (0,)))
 
-    def works(self, genome: Genome, repeats: Iterable[int]) -> list[Work]:
+    def works(self, genome: Genome, repeats: Iterable[int], *, record: bool = True) -> list[Work]:
         """The lifetimes of each controller, one by one; all have the same seeds."""
         config, genes = self.config, genome.genes
         drawn = signs_of_draw(config.rule.sign_draw, zlib.crc32(genes.tobytes()))
@@ -182,15 +157,22 @@ class Gymnasium(World):
                 genome.plan.pick(genes, plan_of(config.network_made, type(tested.rule))),
                 (seed_of(config.seed, Stream.evaluation_noise, repeat),),
                 control if tested.rule.sign is Sign.shuffled and config.rule.sign is not Sign.shuffled else None,
-                record=True,
+                record=record,
             )
             for number, tested in enumerate(config.controllers)
             for repeat in repeats
         ]
 
-    def run(self, genome: Genome, nominal: None, threads: int) -> tuple[Rows, list[Lived]]:  # noqa: ARG002
+    def run(
+        self,
+        genome: Genome,
+        nominal: None,  # noqa: ARG002  # the maze has one
+        threads: int,
+        *,
+        record: bool = True,
+    ) -> tuple[Rows, list[Lived]]:
         """Run the lifetimes, and a row of each."""
-        config, works = self.config, self.works(genome, range(self.config.repeats))
+        config, works = self.config, self.works(genome, range(self.config.repeats), record=record)
         lives = [lived for (lived,) in run_lifetimes(config, works, threads)]
         names = [config.controllers[work.number] for work in works]
         rows = [
@@ -224,33 +206,54 @@ class Gymnasium(World):
         write("table.md", "\n".join([analysis.readable(table).markdown(), *(f"{plain(note)}\n" for note in below)]))
         return {"lifetime": (pd.DataFrame(course),)}
 
+    def table(self, rows: Rows, recorded: list[Lived]) -> Any:  # noqa: ARG002  # the maze needs it
+        """A row for each controller: means, with intervals of returns."""
+        import pandas as pd
+
+        from epuckhebb.analysis import environments as analysis
+
+        return analysis.table(pd.DataFrame(rows)).set_index("controller")
+
+    def arrays(self, genome: Genome, recorded: list[Lived]) -> dict[str, Any]:  # noqa: ARG002  # the maze needs it
+        """Each lifetime step by step, (lifetimes, horizon); nan after its end."""
+        shape = len(recorded), self.config.environment.horizon
+        arrays = {name: np.full(shape, np.nan) for name in ("reward", "weight_change", "weight_step")}
+        for number, lived in enumerate(recorded):
+            steps = (lived.rewards, lived.weight_changes, lived.weight_steps)
+            for array, values in zip(arrays.values(), steps, strict=True):
+                array[number, : len(values)] = values
+        return arrays
+
+    def film(self, genome: Genome) -> bytes:
+        """A GIF of the first lifetime of the rule, or of the network alone, drawn by the environment.
+
+        It shows a frame a step: as many before the change as after it, or the first ones.
+        """
+        from PIL import Image, ImageOps
+
+        config = self.config
+        works, setup = self.works(genome, range(1)), setup_of(config)
+        work = next(work for work in works if config.controllers[work.number].rule == config.rule)
+        frames, step = list[Any](), itertools.count()
+        lived, change = setup.live(work)[0], config.world.split if config.environment.changes else math.inf
+        begin = max(0, min(change, len(lived.rewards)) - _FRAMES // 2) if config.environment.changes else 0
+
+        def watch(env: Any) -> None:
+            if begin <= (now := next(step)) < begin + _FRAMES:
+                frame = Image.fromarray(env.render()).reduce(2)
+                frames.append(ImageOps.expand(frame, 4, "white" if now < change else _CHANGED))
+
+        what = f"environment={config.world.name} cannot be drawn here"
+        hint = (
+            "it must take render_mode='rgb_array', and its `render` give a picture; MuJoCo without a screen needs "
+            "MUJOCO_GL=osmesa or egl"
+        )
+        with refusing(lambda error: f"{what}: {error}; {hint}", Exception):  # a library may raise anything
+            config.world.live(setup.controller(work), work.seeds[0], watch=watch)
+        buffer = io.BytesIO()
+        frames[0].save(buffer, "GIF", save_all=True, append_images=frames[1:], duration=_FRAME_MS, loop=0)
+        return buffer.getvalue()
+
     def evaluator(self, network: Network, threads: int) -> _Evaluator:  # noqa: ARG002  # it is that of the settings
         """What runs the lifetimes of an evolution."""
         return _Evaluator(config=self.config, processes=threads)
-
-
-def film(config: Any, genome: Genome) -> bytes:
-    """A GIF of the first lifetime of the rule of an evaluation, or of the network alone, drawn by the environment.
-
-    It shows a frame a step: as many before the change as after it, or the first ones.
-    """
-    from PIL import Image, ImageOps
-
-    works = Gymnasium(config).works(genome, range(1))
-    work = next(work for work in works if config.controllers[work.number].rule == config.rule)
-    frames, step = list[Any](), itertools.count()
-    lived, change = _live(config, work, True)[0], config.world.split if config.environment.changes else math.inf
-    begin = max(0, min(change, len(lived.rewards)) - _FRAMES // 2) if config.environment.changes else 0
-
-    def watch(env: Any) -> None:
-        if begin <= (now := next(step)) < begin + _FRAMES:
-            frame = Image.fromarray(env.render()).reduce(2)
-            frames.append(ImageOps.expand(frame, 4, "white" if now < change else _CHANGED))
-
-    what = f"environment={config.world.name} cannot be drawn here"
-    hint = "it needs a `render` that gives pictures; MuJoCo without a screen needs MUJOCO_GL=osmesa or egl"
-    with refusing(lambda error: f"{what}: {error}; {hint}", Exception):  # a library may raise anything
-        config.world.live(_controller(config, work), work.seeds[0], watch=watch)
-    buffer = io.BytesIO()
-    frames[0].save(buffer, "GIF", save_all=True, append_images=frames[1:], duration=_FRAME_MS, loop=0)
-    return buffer.getvalue()

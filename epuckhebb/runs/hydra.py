@@ -46,8 +46,8 @@ from epuckhebb.runs.jobs import Jobs, LauncherError, Task, names_of_overrides
 from epuckhebb.runtime import (
     ConfigError,
     JobFailedError,
+    begin_worker,
     data_folder,
-    exit_with_parent,
     is_interruption,
     leaving,
     refusing,
@@ -412,27 +412,20 @@ def threads_of_job(threads: int) -> int:
 
 @contextmanager
 def joblib_workers() -> Iterator[None]:
-    """Let each worker of joblib begin with `_begin`."""
+    """Let each worker of joblib begin in the folder of its parent, and end with it.
+
+    joblib lets workers of an earlier call go on only if what they began with is the same; in another folder, their
+    results would be there.
+    """
     from joblib.parallel import BACKENDS, register_parallel_backend
 
     loky = BACKENDS["loky"]
-    begun = functools.partial(loky, initializer=_begin, initargs=(os.getpid(), str(Path.cwd())))
+    begun = functools.partial(loky, initializer=begin_worker, initargs=(os.getpid(), str(Path.cwd())))
     register_parallel_backend("loky", begun)
     try:
         yield
     finally:
         register_parallel_backend("loky", loky)
-
-
-def _begin(parent: int, folder: str) -> None:
-    """Begin a worker, in the folder of its parent, with which it ends.
-
-    One that waited for its next job would hold the terminal for five minutes. joblib lets workers of an earlier call
-    go on only if what they began with is the same; in another folder, their results would be there.
-    """
-    os.chdir(folder)
-    sys.stdout = sys.stderr  # what a user's own part prints, as in the parent
-    exit_with_parent(parent)
 
 
 OmegaConf.register_new_resolver(

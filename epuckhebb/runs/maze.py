@@ -126,14 +126,14 @@ class Maze(World):
         world = self.config.world
         return None if world.task.has_trials else measure_nominal(weights, world, threads=threads, network=network)
 
-    def run(self, genome: Genome, nominal: Nominal | None, threads: int) -> tuple[Rows, Traces]:
+    def run(self, genome: Genome, nominal: Nominal | None, threads: int, *, record: bool = True) -> tuple[Rows, Traces]:
         """Run the lifetimes: a row each, and the traces of those that were recorded."""
         config = self.config
         return evaluate(
             genome.genes,
             config.world,
             config.controllers,
-            config.lifetime,
+            config.lifetime if record else replace(config.lifetime, record_every=0),
             nominal,
             repeats=config.repeats,
             seed=config.seed,
@@ -163,11 +163,36 @@ class Maze(World):
             write("reversal_trials.csv", trials)
             write("reversal.csv", shares)
             write("reversal.md", reversal.readable(shares).markdown())
-            return {"reversal": (shares, trials), **figures}
+            return {**figures, "reversal": (shares, trials)}
         table, below = PaperTable.from_rows(rows), [*map(plain, self.notes(genome)), saturation(rows)]
         write("table.csv", table.rows)
         write("table.md", "\n".join([table.markdown(), *(f"{note}\n" for note in below if note)]))
         return figures
+
+    def check_recorded(self) -> None:
+        """Refuse to show what was not recorded; a ConfigError."""
+        if not self.config.lifetime.record_every:
+            raise ConfigError("nothing was recorded with lifetime.record_every=0; give lifetime={'record_every': 8}")
+
+    def table(self, rows: Rows, recorded: Traces) -> Any:
+        """The paper's table: a row for each metric, a column for each controller and side; means over the repeats.
+
+        Of reversal learning, a row for each controller.
+        """
+        import pandas as pd
+
+        task = self.config.world.task
+        if task.has_trials:
+            from epuckhebb.analysis import reversal
+
+            trials = pd.DataFrame(recorded.trials)
+            return reversal.table(pd.DataFrame(rows), trials, task, self.config.seed).set_index("controller")
+        means = pd.DataFrame(PaperTable.from_rows(rows).means)
+        return means.rename_axis("metric").rename_axis(["controller", "side"], axis=1)
+
+    def arrays(self, genome: Genome, recorded: Traces) -> dict[str, Any]:
+        """The arrays of `traces.npz`: those of the first repeat."""
+        return traces_arrays(recorded, genome.weights, genome.network)
 
     @cached_property
     def origin(self) -> Scenario | None:

@@ -11,6 +11,7 @@ from epuckhebb.runtime.errors import (
     USAGE,
     ConfigError,
     JobFailedError,
+    begin_worker,
     did_you_mean,
     end_on_signals,
     exit_with_parent,

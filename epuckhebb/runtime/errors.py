@@ -149,6 +149,13 @@ def exit_with_parent(parent: int) -> None:
         threading.Thread(target=watch, name="watch", daemon=True).start()
 
 
+def begin_worker(parent: int, folder: str) -> None:
+    """Begin a worker in the folder of its parent, with which it ends: one that waits would hold the terminal."""
+    os.chdir(folder)
+    sys.stdout = sys.stderr  # what a user's own part prints, as in the parent
+    exit_with_parent(parent)
+
+
 def interrupted(left_behind: str) -> str:
     """The message of an interruption."""
     return f"interrupted: {left_behind}" if left_behind else "interrupted"

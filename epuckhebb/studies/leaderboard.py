@@ -23,7 +23,6 @@ from epuckhebb.config import (
     alternatives,
     from_values,
     load,
-    network_for,
     own_files,
     quoted,
     register,
@@ -291,7 +290,7 @@ def _entry(study: Leaderboard, experiment: str, method: Method, over: Entry | No
     tested |= {"seed": study.seed, "repeats": study.reversal_repeats if experiment == REVERSAL else study.repeats}
     config = from_values(tested, EvaluateConfig, "its test")
     if own_files(tested):
-        compile_for(config.controllers, network_for(config.world, config.shape), config.world)
+        compile_for(config.controllers, config.network_made, config.world)
     kind = POST_HOC if method.evaluate else EVOLVED if config.controllers else PLAIN
     if kind != PLAIN and not method.compared_with:
         raise ConfigError("matched_control is missing: name the method that is the same without plasticity")

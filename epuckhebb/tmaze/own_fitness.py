@@ -50,6 +50,9 @@ OF_OUTCOME = (  # the fields of an outcome that `life`, and `tell` of an optimiz
 )
 _OF_LIFE = ("paper", *OF_OUTCOME, "trials", "by")  # the arguments that `life` may have
 _WITH_STEP = ("mean", "state")  # and those that only `step` makes
+_OF_EPISODE = ("rewards", "observations", "infos", "terminated")  # and those that only an environment has
+IN_MAZE = {"step": tuple(_OF_STEP), "life": (*_WITH_STEP, *_OF_LIFE)}
+IN_ENVIRONMENT = {"life": (*_OF_EPISODE, "steps", "weight_change_mean", "by")}
 
 Score = Callable[..., float]
 
@@ -81,6 +84,12 @@ class Fitness(OwnClass):
         trials           of a task with many trials
         by               the settings
 
+    In an environment there is only `life`, of `steps`, `weight_change_mean`, `by`, and:
+
+        rewards          of each step, (steps,)
+        observations, infos   lists of what each step gave
+        terminated       whether the episode ended by itself, and was not cut off at the horizon
+
     state: name -> initial value, a number or a tuple of numbers, of what is stored from step to step.
     """
 
@@ -104,7 +113,15 @@ class Fitness(OwnClass):
     @classmethod
     def known(cls, method: str) -> Collection[str]:
         """The names of the arguments that a method may have; none where they are fixed."""
-        return _OF_STEP if method == "step" else (*(_WITH_STEP if cls.step else ()), *_OF_LIFE)
+        return _OF_STEP if method == "step" else (*(_WITH_STEP if cls.step else ()), *_OF_LIFE, *_OF_EPISODE)
+
+    def check_world(self, known: Mapping[str, Collection[str]]) -> None:
+        """Refuse a fitness of another kind of world; else a ValueError. known: the arguments of each method there."""
+        methods = [method for method in self.METHODS if getattr(self, method)]
+        wrong = [name for method in methods for name in self.arguments(method) if name not in known.get(method, ())]
+        if wrong or not (self.life or "step" in known):
+            has = "; ".join(f"`{method}` of {', '.join(names)}" for method, names in known.items())
+            raise ValueError(f"fitness {self.name} takes {', '.join(wrong) or 'nothing'}; here is {has}")
 
     def initial_state(self) -> NDArray[np.void]:
         """One record: the sum over the steps, 0, and what is stored from step to step."""
@@ -126,7 +143,16 @@ class Fitness(OwnClass):
             raise PartError(f"fitness {self.name}: the values of its steps have the mean {mean}")
         if self.life is None:
             return mean
-        known = {**facts, "mean": mean, "state": state.view(np.recarray)[0], "by": self}
+        return self.judged({**facts, "mean": mean, "state": state.view(np.recarray)[0]})
+
+    def judged(self, facts: Mapping[str, Any]) -> float:
+        """What `life` gives. facts: the values of its arguments, and others, by name.
+
+        Raises:
+            PartError: it failed, or its result is no finite number.
+        """
+        assert self.life is not None  # checked before
+        known = {**facts, "by": self}
         with calling(f"fitness {self.name}: `life`"):
             value: Any = self.life(**{name: known[name] for name in self.arguments("life")})
         is_number = isinstance(value, int | float | np.number | np.bool_)

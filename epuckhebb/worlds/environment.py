@@ -9,6 +9,7 @@ import math
 import os
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -35,12 +36,13 @@ _WINDOW, _RECOVERED = 50, 0.9  # steps, and the share of the reward before a cha
 class Environment:
     """The settings of an environment.
 
-    id: of Gymnasium, PACKAGE:ID for one that a package brings, or FILE.py:NAME, a class of the user's. options:
-    arguments with which it is made. horizon: steps of a lifetime. scale: of all readings, or of each; None: from their
-    bounds. reward_scale: reward of a step at which the live fitness is 1. reward_weights: of a reward that is several
-    numbers; None: it is one. step_s: length of a step [s], for what has time constants. changes: each
-    `{at: STEP, NAME: VALUE}`; change: their name, of those in `named`. hidden: sizes of the hidden layers. population,
-    generations, loops: of an evolution, with so many lifetimes of an individual. processes: 0 for one on each core.
+    id: of Gymnasium, PACKAGE:ID for one that a package brings, or FILE.py:NAME, the user's class, or function that
+    makes one. options: arguments with which it is made. horizon: steps of a lifetime. scale: of all readings, or of
+    each; None: from their bounds. reward_scale: reward of a step at which the live fitness is 1. reward_weights: of a
+    reward that is several numbers; None: it is one. step_s: length of a step [s], for what has time constants. changes:
+    each `{at: STEP, NAME: VALUE}`; change: their name, of those in `named`. hidden: sizes of the hidden layers.
+    population, generations, loops: of an evolution, with so many lifetimes of an individual. processes: 0 for one on
+    each core.
     """
 
     name: str = ""
@@ -73,7 +75,7 @@ class Environment:
 class Lived(NamedTuple):
     """A lifetime that is over. rewards, weight_changes, weight_steps: (steps,), the latter two only if recorded.
 
-    weight_steps: sum of |W - W| between two steps.
+    weight_steps: sum of |W - W| between two steps. fitness: what evolution maximises.
     """
 
     rewards: Floats
@@ -82,6 +84,7 @@ class Lived(NamedTuple):
     saturated_fraction: float
     weight_changes: Floats
     weight_steps: Floats
+    fitness: float = math.nan
 
 
 def _finite(value: Any, what: str, hint: str = "") -> float:
@@ -178,10 +181,12 @@ class World:
         steps: int,
         changes: Sequence[Mapping[str, Any]] = (),
         watch: Callable[[Any], None] | None = None,
+        keep: Callable[[Any, Any, bool], None] | None = None,
     ) -> Floats:
         """The rewards of an episode, of so many steps at most. changes: by their step.
 
-        act: the outputs at a step, for the readings, the reward of the step before and the observation.
+        act: the outputs at a step, for the readings, the reward of the step before and the observation. watch, keep:
+        are called before each step with the environment, and after it with observation, info and whether it ended.
 
         Raises:
             PartError: the environment, or a function of the user's, failed, or gave what it may not give.
@@ -209,7 +214,9 @@ class World:
                     action = past[max(0, len(past) - 1 - faults.delay)]
                 if watch:
                     watch(env)
-                observation, reward, has_ended, is_cut, _ = do(action)
+                observation, reward, has_ended, is_cut, info = do(action)
+                if keep:
+                    keep(observation, info, has_ended)
                 readings, reward = read(observation), self._reward(reward)
                 rewards[step] = reward
                 if has_ended or is_cut:
@@ -251,12 +258,13 @@ class World:
         record: bool = False,
         is_fresh: bool = True,
         watch: Callable[[Any], None] | None = None,
+        judge: Any = None,
     ) -> Lived:
         """Run a lifetime.
 
         seed: of the environment and of random initial weights. frozen: no plasticity from `split` on. record: keep
         changes of the weights. is_fresh: in an environment of its own, as every lifetime with changes; else in the one
-        that is kept. watch: is called with the environment before each step.
+        that is kept. watch: is called with the environment before each step. judge: a `Fitness`; None for the return.
 
         Raises:
             PartError: the weights, the environment, or a function of the user's, failed.
@@ -274,21 +282,35 @@ class World:
                 found[:, step] = controller.weight_change, np.abs(controller.weights - before).sum()
             return outputs
 
+        seen: dict[str, Any] = {"observations": [], "infos": [], "terminated": False}
+        kept = () if judge is None else judge.arguments("life")
+
+        def keep(observation: Any, info: Any, has_ended: bool) -> None:
+            seen["terminated"] = bool(has_ended)
+            for name, value in (("observations", observation), ("infos", info)):
+                if name in kept:
+                    seen[name].append(deepcopy(value))  # an environment may change what it gave
+
         options = {"render_mode": "rgb_array"} if watch else {}
         env = self.make(**options) if watch or self.changes or is_fresh else self._env
         try:
-            rewards = self.episode(env, act, seed, horizon, self.changes, watch)
+            rewards = self.episode(env, act, seed, horizon, self.changes, watch, keep if kept else None)
         finally:
             controller.rate = rate
             if env is not self._env:
                 env.close()
         controller.check()
+        weight_changes, weight_steps = found[:, : len(rewards) * record]
+        more = {"rewards": rewards, "steps": len(rewards), "weight_change_mean": controller.weight_change_mean}
+        fitness = float(rewards.sum()) if judge is None else judge.judged({**seen, **more})
         return Lived(
             rewards,
             controller.weight_change_mean,
             controller.weight_change,
             controller.saturated_fraction,
-            *found[:, : len(rewards) * record],
+            weight_changes,
+            weight_steps,
+            fitness,
         )
 
     def metrics(self, lived: Lived) -> dict[str, float]:

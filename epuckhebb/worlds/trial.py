@@ -138,8 +138,9 @@ def _readings(read: Reader, *seen: _Seen) -> list[str]:
     found = {"are 1 or -1": is_at_end, "never move": read.is_measured & ~is_at_end & (high - low < _STILL)}
     places = {what: _listed(read.names, np.flatnonzero(those), largest) for what, those in found.items() if those.any()}
     texts = [f"readings {those} {what}" for what, those in places.items()]
-    hint = f"environment.scale may be a list of {len(low)} numbers"
-    return [f"With random actions, {' and '.join(texts)}; {hint}."] if texts else []
+    is_told = read.is_measured & (largest > 0) & (is_at_end | (high - low < _STILL))
+    scale = ",".join(f"{value:.3g}" for value in np.where(is_told, largest, read.scale))
+    return [f"With random actions, {' and '.join(texts)}; try environment.scale=[{scale}]."] if texts else []
 
 
 def _actions(world: "World") -> list[str]:

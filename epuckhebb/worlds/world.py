@@ -10,6 +10,9 @@ from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.network import Network
 
 if TYPE_CHECKING:
+    import pandas as pd
+    from numpy.typing import NDArray
+
     from epuckhebb.analysis.tables import Rows
     from epuckhebb.evolution.evolve import Evaluator
     from epuckhebb.store import Genome
@@ -52,11 +55,25 @@ class World(Protocol):
         """What a champion's file remembers of this world, in which it was evolved; None if there is nothing."""
         return None
 
-    def run(self, genome: "Genome", nominal: Any, threads: int) -> "tuple[Rows, Any]":
-        """Run the lifetimes of an evaluation: a row of `metrics.csv` each, and what else was recorded."""
+    def run(self, genome: "Genome", nominal: Any, threads: int, *, record: bool = True) -> "tuple[Rows, Any]":
+        """Run the lifetimes of an evaluation: a row of `metrics.csv` each, and what else was recorded, if any is."""
 
     def write(self, write: Write, genome: "Genome", rows: "Rows", recorded: Any) -> Figures:
-        """Write the tables and records of an evaluation. Returns what its figures need."""
+        """Write the tables and records of an evaluation. Returns what its figures need, the main one first."""
+
+    def check_recorded(self) -> None:
+        """Refuse to show what the settings do not record; a ConfigError."""
+        return
+
+    def table(self, rows: "Rows", recorded: Any) -> "pd.DataFrame":
+        """The table of an evaluation for Python."""
+
+    def arrays(self, genome: "Genome", recorded: Any) -> "dict[str, NDArray[Any]]":
+        """What was recorded, by name."""
+
+    def film(self, genome: "Genome") -> bytes | None:  # noqa: ARG002  # environments need it
+        """A GIF of the first lifetime of the rule; None where a page shows what was recorded."""
+        return None
 
     def evaluator(self, network: Network, threads: int) -> "Evaluator":
         """What runs the lifetimes of an evolution."""

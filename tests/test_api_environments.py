@@ -1,0 +1,153 @@
+"""Environments from Python: keys and numbers of the command line, and classes, functions and rules as objects."""
+
+import importlib.util
+from contextlib import chdir
+from dataclasses import dataclass
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pandas as pd
+import pytest
+from cases import done
+
+import epuckhebb
+from epuckhebb.config import load_any
+from epuckhebb.controller.plasticity.control import Control
+from epuckhebb.controller.plasticity.rule import Normalise
+from epuckhebb.controller.plasticity.rules.abcd import ABCD
+from epuckhebb.controller.plasticity.rules.oja import Oja
+
+EXAMPLE = Path(__file__).parents[1] / "examples" / "any_world" / "thermostat.py"
+spec = importlib.util.spec_from_file_location("thermostat_of_test", EXAMPLE)
+thermostat = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(thermostat)
+Room, turn_round = thermostat.Room, thermostat.turn_round
+SMALL = {"optimizer": {"generations": 2, "population": 4, "starts": 4, "confirm": 1}, "progress": False}
+CHANGES = [{"at": 20, "function": turn_round}]
+TURNED = f"environment.changes=[{{at: 20, function: '{EXAMPLE}:turn_round'}}]"
+
+
+@pytest.fixture(scope="module")
+def champion(tmp_path_factory):
+    """A champion evolved in an environment that is a class, beside a run of the same evolution."""
+    with chdir(tmp_path_factory.mktemp("python")) as _:
+        words = ["optimizer.generations=2", "optimizer.population=4", "optimizer.starts=4", "optimizer.confirm=1"]
+        done("evolve", f"environment={EXAMPLE}:Room", "environment.horizon=40", *words, "hydra.run.dir=room")
+        run = Path("room").absolute()
+    found, history = epuckhebb.evolve(environment={"id": Room, "horizon": 40}, **SMALL)
+    pd.testing.assert_frame_equal(history, pd.read_csv(run / "history.csv"))
+    np.testing.assert_array_equal(found, epuckhebb.load(run))
+    return found, run
+
+
+def test_evaluate_gives_what_the_command_line_writes(champion, here):
+    genes, run = champion
+    own = {"id": Room, "horizon": 40, "changes": CHANGES}
+    result = epuckhebb.evaluate(genes, environment=own, hebbian=Oja(N=0.002), repeats=2, compare={"bcm": None})
+    assert list(here.iterdir()) == []
+    words = [
+        f"genome={run}",
+        f"environment={EXAMPLE}:Room",
+        "environment.horizon=40",
+        TURNED,
+        "repeats=2",
+        "hebbian=oja",
+    ]
+    done("evaluate", *words, "compare=[bcm]", "figures=none", "hydra.run.dir=tested")
+    result.metrics.assign(genome="room").to_csv("metrics.csv", index=False)
+    written = pd.read_csv("tested/metrics.csv")
+    pd.testing.assert_frame_equal(pd.read_csv("metrics.csv"), written)
+    table = pd.read_csv("tested/table.csv").set_index("controller")
+    pd.testing.assert_frame_equal(result.table, table, check_dtype=False)
+    assert result.traces["reward"].shape == (len(written), 40)
+    np.testing.assert_allclose(np.nansum(result.traces["reward"], axis=1), result.metrics["return"])
+    assert result.plot().figure.axes
+    assert "oja" in repr(result)
+    with pytest.raises(ValueError, match="render_mode"):
+        result.replay()
+
+
+def test_a_run_of_an_environment_brings_its_own(champion):
+    _, run = champion
+    result = epuckhebb.evaluate(run, repeats=1, progress=False)
+    assert result.config.environment.horizon == 80
+    assert list(result.metrics.controller) == ["without plasticity"]
+
+
+def test_a_sweep_has_environments_and_rules_as_objects(champion):
+    genes, _ = champion
+
+    def cool(**options):
+        room = Room(**options)
+        room.works = -1.0
+        return room
+
+    over = {"environment": [Room, cool], "hebbian": [Oja(N=0.002), Oja(N=0.02)]}
+    words = ("environment.horizon=40",)
+    rows = epuckhebb.sweep(genes, *words, over=over, repeats=2, progress=False)
+    assert set(rows.environment) == {"Room", "test_a_sweep_has_environments_and_rules_as_objects.<locals>.cool"}
+    counts = rows.groupby(["environment", "controller"]).size()
+    assert set(counts.xs("oja", level="controller")) == {2 * 2}  # rates and repeats
+    assert set(counts.xs("oja (without plasticity)", level="controller")) == {2}  # the same beside both
+    alone = epuckhebb.evaluate(genes, *words, environment=Room, hebbian=Oja(N=0.02), repeats=2, progress=False)
+    own = rows[(rows.environment == "Room") & (rows.N == 0.02)].reset_index(drop=True)
+    pd.testing.assert_frame_equal(own[list(alone.metrics)], alone.metrics[alone.metrics.N > 0].reset_index(drop=True))
+
+
+@pytest.mark.parametrize(
+    ("words", "name", "rule", "expected"),
+    [
+        (["environment=cartpole"], "abcd", ABCD(N=0.1), ("reward", Normalise.largest)),
+        ([], "paper", epuckhebb.Hebbian(N=0.1), ("behaviour", Normalise.none)),
+    ],
+)
+@pytest.mark.parametrize("command", ["evolve", "evaluate"])
+def test_a_rule_that_is_an_object_is_that_of_its_name(command, words, name, rule, expected):
+    typed, made = load_any(command, [*words, f"hebbian={name}", "hebbian.N=0.1"]), load_any(command, words)
+    made.take(rule)
+    assert made.rule == typed.rule
+    assert (made.rule.signal, made.rule.normalise) == expected
+    assert made.controllers == typed.controllers
+    assert getattr(made, "plan", None) == getattr(typed, "plan", None)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Decay(epuckhebb.Rule):
+    """Hebb's rule with a decay."""
+
+    @staticmethod
+    def synapse(correlation, weight):
+        """D = x_j x_i - w."""
+        return correlation - weight
+
+
+@pytest.mark.thorough
+def test_own_objects_go_into_processes(monkeypatch):
+    monkeypatch.setattr("epuckhebb.runs.gymnasium._WORTH_S", 0.0)
+
+    class Mine(Room):
+        """A class that a worker cannot import."""
+
+    given = {"environment.id": Mine, "environment.horizon": 40, "hebbian": Decay(N=0.01), **SMALL}
+    one, two = (epuckhebb.evolve("environment=gym", **given, **{"environment.processes": n}) for n in (1, 2))
+    np.testing.assert_array_equal(one.champion, two.champion)
+    pd.testing.assert_frame_equal(one.history, two.history)
+
+
+@pytest.mark.parametrize(
+    ("given", "text"),
+    [
+        ({"environment": gymnasium.Wrapper, "hebbian": "abcd"}, r"environment\.id=gymnasium"),
+        ({"environment": dict}, r"environment\.id=builtins:dict"),
+        ({"environment": {"id": "Nope-v0"}}, r"environment\.id=Nope-v0"),
+        ({"environment": lambda: 3}, "must make a gymnasium"),
+        ({"environment": Room, "hebbian": Oja(N=0.1, control=Control.yoked_sign)}, "control"),
+        ({"environment": Room, "hebbian": Oja()}, "N = 0"),
+        ({"environment": Room, "change": "weak_leg"}, "change"),
+        ({"environment": Room, "scenario": "base"}, "scenario"),
+    ],
+)
+def test_mistakes_are_value_errors(given, text):
+    with pytest.raises(ValueError, match=text):
+        epuckhebb.evaluate(np.zeros(48), **given, progress=False)
