@@ -727,3 +727,12 @@ def test_a_refusal_is_one_message_and_leaves_nothing():
     write("", {"bad": part("rule", method="")})
     assert "hebbian.rule" in refused("evaluate", *words_for("rule"))
     assert not Path("runs").exists()
+
+
+def test_rows_and_own_rules_are_choices_of_one_list(here):
+    shutil.copy(Path(__file__).parents[1] / "examples" / "own_rule" / "my_rules.py", here)
+    done("evaluate", "-m", "hebbian=none,my_rules.py:Gated", "hydra.sweep.dir=out", *BRIEF)
+    rows = pd.read_csv("out/summary.csv")
+    assert set(rows.controller) == {"GA", "gated"}
+    done("evaluate", "hebbian=my_rules.py:Gated", "hydra.run.dir=alone", *BRIEF)
+    assert Path("alone/metrics.csv").read_bytes() == Path("out/1/metrics.csv").read_bytes()

@@ -237,7 +237,8 @@ def complete(cfg: DictConfig, choices: Mapping[str, str], overrides: Sequence[st
     if (not before or "hebbian" in words) and cfg.hebbian.get("rule") not in (None, NONE):
         choice, rule = choices["hebbian"], cfg.hebbian
         fit_rule(rule, choice, cfg.network, lambda key: is_typed(f"hebbian.{key}"))
-        rule.name = rule.get("name") or (choice if choice != NONE else str(rule.rule).rpartition(":")[2].lower())
+        is_row = choice != NONE and ":" not in choice
+        rule.name = rule.get("name") or (choice if is_row else str(rule.rule).rpartition(":")[2].lower())
         if cfg.network.get("wiring") == "ctrnn" and not is_typed("network.tau_gain_rad_s"):
             cfg.network.tau_gain_rad_s = 0.0
     if "optimizer" in cfg:

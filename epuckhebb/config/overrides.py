@@ -239,13 +239,11 @@ def _with_one_rule(words: list[str]) -> list[str]:
         for word in chosen[key]:
             ((_, choices),) = alternatives([word]).items()
             values = [value_of(choice) for choice in choices]
-            have_row = {value in conf.groups("evaluate")[_RULES] for value in values}
-            if have_row == {key == _RULE} and (key == _RULE or all(".py:" in value for value in values)):
+            has_row = any(value in conf.groups("evaluate")[_RULES] for value in values)
+            if has_row if key == _RULE else not has_row and all(".py:" in value for value in values):
                 if chosen[other]:
                     raise ConfigError(f"{chosen[other][-1]} and {word} both choose the rule; give one of them")
                 words = [f"{other}={one.partition('=')[2]}" if one == word else one for one in words]
-            elif len(have_row) > 1 and any(".py:" in value for value in values):
-                raise ConfigError(f"{word}: rows and FILE.py:NAME do not go together in one list; give two calls")
     return words
 
 

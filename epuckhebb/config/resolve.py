@@ -219,7 +219,7 @@ def _write_defaults(settings: DictConfig, kind: str, part: str, key: str) -> Non
 def _fit_rule(cfg: DictConfig, choice: str, chosen: DictConfig) -> None:
     """Give a rule that was named by its class its own rate and bounds, and drop what the row says for another rule."""
     rule = cfg.hebbian.get("rule")
-    if rule in (None, NONE, chosen.get("rule")):
+    if rule in (None, NONE) or (rule == chosen.get("rule") and ":" not in choice):
         return
     kind = part_class("rule", rule, "hebbian")
     own = {field.name: field.default for field in fields(kind)}

@@ -18,6 +18,7 @@ from epuckhebb.runtime import ConfigError, conf, did_you_mean, refusing, yaml_fi
 
 ROOT = "_global_"  # the package of settings that also change other groups
 BROUGHT = ("maze", "physics")  # groups of which a change of the world may name another choice
+RULES = "hebbian"  # the group of rules, of which FILE.py:NAME is a choice, too
 _FROM_ROOT = ("adaptation", "change")  # groups whose rows are settings of the whole configuration
 
 
@@ -31,6 +32,8 @@ class Choice(NamedTuple):
 def choice(folder: Path, group: str, name: str) -> Choice | None:
     """A choice of a group in a folder; None if it is not there."""
     file = Path(os.path.normpath(folder / group / f"{name}.yaml"))
+    if _is_own_rule(group, name):
+        return Choice({"rule": name}, None)
     if file.is_file():
         settings, package = yaml_file.read(file)
     elif group in conf.TABLES and name in (rows := conf.table(group, folder)):
@@ -40,6 +43,11 @@ def choice(folder: Path, group: str, name: str) -> Choice | None:
     else:
         return None
     return Choice(_of_whole(name, settings), ROOT) if group == "change" else Choice(settings, package)
+
+
+def _is_own_rule(group: str, name: str) -> bool:
+    """Whether a choice is a rule of the user's own, FILE.py:NAME, which has no row."""
+    return group == RULES and ".py:" in name
 
 
 def _of_whole(name: str, row: Mapping[str, Any]) -> dict[str, Any]:
@@ -114,7 +122,9 @@ class Choices(ConfigSource):
         return "choices"
 
     def _parts(self, config_path: str) -> tuple[Path, str, str]:
-        group, _, name = os.path.normpath(config_path.strip("/").removesuffix(".yaml")).rpartition("/")
+        path = config_path.strip("/").removesuffix(".yaml")
+        first, _, rest = path.partition("/")
+        group, _, name = (first, "/", rest) if _is_own_rule(first, rest) else os.path.normpath(path).rpartition("/")
         return Path(self.path), group, name
 
     def load_config(self, config_path: str) -> ConfigResult:
@@ -138,7 +148,7 @@ class Choices(ConfigSource):
         """Whether it has a choice."""
         folder, group, name = self._parts(config_path)
         is_row = group in conf.TABLES and name in conf.table(group, folder)
-        return bool(is_row or (folder / group / f"{name}.yaml").is_file())
+        return bool(is_row or _is_own_rule(group, name) or (folder / group / f"{name}.yaml").is_file())
 
     def list(self, config_path: str, results_filter: ObjectType | None) -> list[str]:
         """The names of groups, of choices, or of both."""

@@ -173,7 +173,7 @@ def failure_text(failures: Sequence[tuple[str, str]], total: int) -> str:
 def names_of_overrides(jobs: Sequence[Sequence[str]]) -> list[str]:
     """A name for each job: the overrides that not all have, or all of one that is alone."""
     shared = set.intersection(*(set(job) for job in jobs)) if len(jobs) > 1 else set()
-    return [" ".join(word for word in job if word not in shared) for job in jobs]
+    return [" ".join(word for word in job if word not in shared).replace("\\:", ":") for job in jobs]
 
 
 def _names(tasks: Sequence[Task]) -> str:

@@ -40,7 +40,10 @@ class Job:
     @property
     def settings(self) -> dict[str, str]:
         """The settings of this job on which results may depend, by key."""
-        pairs = (override.lstrip("+").partition("=") for override in self.overrides)
+        plain = (
+            override.replace("\\:", ":") for override in self.overrides
+        )  # as typed; Hydra's sweeper escapes colons
+        pairs = (override.lstrip("+").partition("=") for override in plain)
         return {key: value for key, _, value in pairs if key not in ("experiment", *conf.NO_EFFECT)}
 
 
