@@ -63,9 +63,8 @@ LIGHT, OBSTACLES = TRAINED
 FINDINGS = [  # a sentence, and the counts that stand in it, each with the method that it is compared with
     (
         "In a [changed world](docs/evolve_or_adapt.md), evolution that goes on from the champion recovers **{}** "
-        "cases, a case being a champion with both sides, in 80 simulated hours; plasticity, in a lifetime, {}, "
-        "shuffled signs {}. Of the paper's own two changes plasticity recovers {own[Hebbian]}, shuffled signs "
-        "{own[shuffled]}.",
+        "pairs of champion and world in 80 simulated hours; plasticity, in a lifetime, {}, shuffled signs {}. Of the "
+        "paper's own two changes these recover {own[Hebbian]} and {own[shuffled]}.",
         [
             ("evolve_or_adapt/ways", "recovered", "cases", {"world": "all", "way": way, "controller": name} | at)
             for way, name, at in (
