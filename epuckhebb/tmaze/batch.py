@@ -22,7 +22,7 @@ from epuckhebb.tmaze.session import Session
 from epuckhebb.tmaze.simulator import Simulator
 
 _TRIED_S = 8.0  # of a lifetime that is run twice
-_LIFETIMES_PER_STAGE = 50  # that run one after the other
+_LIFETIMES_PER_STAGE = 100  # that run one after the other
 _SYNAPSES_PER_STAGE = 100_000  # of them all
 
 
