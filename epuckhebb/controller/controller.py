@@ -127,20 +127,21 @@ class Controller:
         """Begin a lifetime. seed: of initial weights that are random, and of what is random in the rule."""
         network, rule = self.network, self.rule
         self.key, self.steps = np.uint64(seed), 0
+        synapse_state = stored(rule.synapse_state, network.synapses)
         states = initial_states(
             self.genes[None],
             self._plan,
             network,
             rule,
             [int(seed)],
-            signs=self._signs,
-            synapse_state=stored(rule.synapse_state, network.synapses),
+            synapse_state=synapse_state,
             gain_rad_s=_NO_GAIN,
             step_s=self.step_s,
         )
         state = {name: with_arrays(value, lambda array: array[0].copy()) for name, value in states.items()}
-        state["genotype"], recent = readonly(state["genotype"]), np.zeros((rule.average, network.neurons))
-        self._state = _State(**state, recent=recent, tally=np.zeros(2), workspace=self._workspace)
+        genotype = state.pop("genotype")._replace(synapse_state=synapse_state, signs=self._signs)
+        recent = np.zeros((rule.average, network.neurons))
+        self._state = _State(readonly(genotype), **state, recent=recent, tally=np.zeros(2), workspace=self._workspace)
         self.weights, activation = self._state.weights, self._state.activation
         self._inputs, self._outputs = activation[: network.inputs], activation[network.first_output :]
 

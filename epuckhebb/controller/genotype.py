@@ -20,7 +20,7 @@ from epuckhebb.controller.plasticity.rule import (
 )
 from epuckhebb.controller.plasticity.update import initial_lengths
 from epuckhebb.controller.random import Stream, rng
-from epuckhebb.controller.wiring import NO_NEURONS, Neurons
+from epuckhebb.controller.wiring import NO_NEURONS
 
 
 class Genotype(NamedTuple):
@@ -29,7 +29,7 @@ class Genotype(NamedTuple):
     weights: (synapses,), the genes. synapse_state: (synapses,) records, the initial state of each synapse.
     coefficients: (names, synapses) from evolved parameters of the rule. modulatory: weights of its modulatory neuron,
     if any. lengths: (neurons,) of each neuron's incoming weights, if the rule keeps them. signs: (synapses,) of the
-    updates. neurons: of a wiring.
+    updates.
     """
 
     weights: Floats
@@ -38,7 +38,6 @@ class Genotype(NamedTuple):
     modulatory: Floats
     lengths: Floats
     signs: Floats
-    neurons: Neurons = NO_NEURONS
 
 
 def initial_states(
@@ -48,15 +47,14 @@ def initial_states(
     rule: Rule,
     keys: Sequence[int],
     *,
-    signs: Floats,
     synapse_state: NDArray[np.void],
     gain_rad_s: float,
     step_s: float,
 ) -> dict[str, Any]:
     """What lifetimes carry before their first step, by name; arrays have an axis of lifetimes in front.
 
-    It has length 1 where all are alike. genes: (lifetimes, genes). keys: of random initial weights. signs: (synapses,).
-    synapse_state: as in `Genotype`. gain_rad_s, step_s: as a wiring has them.
+    It has length 1 where all are alike. The genotype still lacks `synapse_state` and `signs`, which they share. genes:
+    (lifetimes, genes). keys: of random initial weights. gain_rad_s, step_s: as a wiring has them.
     """
     kind, wiring, parts = type(rule), network.wiring, plan.split(np.ascontiguousarray(genes, float))
     inherited, neurons = parts[WEIGHTS], with_arrays(NO_NEURONS, lambda array: array[None])
@@ -73,15 +71,15 @@ def initial_states(
         neurons = every[0]._replace(state=state, parameters=parameters)
     activation = np.zeros((1, network.neurons))
     activation[0, network.bias] = 1.0
+    shared: Any = ()
     return {
         "genotype": Genotype(
             weights,
-            synapse_state[None],
+            shared,
             np.array([coefficients(kind, network, one) for one in values]),
             np.array([modulatory_weights(kind, one, rule.reward) for one in values]),
             np.array([initial_lengths(rule, network, one) for one in weights]),
-            np.ascontiguousarray(signs, float)[None],
-            neurons,
+            shared,
         ),
         "weights": weights,
         "synapse_state": synapse_state[None],

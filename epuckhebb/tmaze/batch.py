@@ -8,6 +8,7 @@ import numpy as np
 from epuckhebb.controller.compiling.errors import PartError
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import HIDDEN, Network
+from epuckhebb.controller.own_class import own_of
 from epuckhebb.controller.plasticity.control import Control, yoking
 from epuckhebb.controller.plasticity.rule import NoRule
 from epuckhebb.controller.plasticity.rules.paper import Paper
@@ -49,10 +50,11 @@ def run_lifetimes(
     kept = int(weight_path or any(one.controller.rule.control is not Control.none for one in individuals))
 
     simulators = [Simulator(scenario, lifetime, fallback_rule, kept)]  # those that no thread uses
-    can_share = len(simulators[0].phases) == 1 and scenario.put is None and scenario.physics.placer() is not None
+    sensors, can_place = own_of(scenario.robot.sensors), scenario.physics.placer() is not None
+    can_share = can_place and len(simulators[0].phases) == 1 and scenario.put is None and not sensors
     alike: dict[object, list[int]] = {}
     for number, one in enumerate(individuals):
-        is_alone = not can_share or one.record or one.after or one.master
+        is_alone = not can_share or (one.record and lifetime.record_every) or one.after or one.master
         start = one.start if scenario.task.has_trials else None
         kind = id(one.controller), id(one.network), one.side, id(one.signs), id(one.nominal), start
         alike.setdefault(number if is_alone else kind, []).append(number)

@@ -16,7 +16,7 @@ from epuckhebb.controller.plasticity.rule import bound_of
 from epuckhebb.tmaze.faults import initial_past
 from epuckhebb.tmaze.fitness import History, initial_history
 from epuckhebb.tmaze.individual import Individual
-from epuckhebb.tmaze.life import INITIAL_TALLY, Life, Lifetime, Rows, Setup, in_rows
+from epuckhebb.tmaze.life import INITIAL_TALLY, Life, Lifetime, Setup, in_rows
 from epuckhebb.tmaze.outcome import Outcome, outcomes_of
 from epuckhebb.tmaze.own_sensor import Sensor
 from epuckhebb.tmaze.physics_engine import Space
@@ -34,9 +34,9 @@ class LostRobotError(ArithmeticError):
 class Block:
     """Lifetimes of individuals that differ in nothing but genes, keys and starts (or one lifetime, in any pieces).
 
-    starts: where each robot starts. lives: what each lifetime carries, arrays with an axis of lifetimes in front. life:
-    the same of the lifetime that runs. world: in which it runs. setup: what holds there. samples: what is recorded of a
-    lifetime that is alone.
+    starts: where each robot starts. lives: what each lifetime carries, arrays with an axis of lifetimes in front (and
+    the last one again, where there are several). life: what the lifetime that runs carries. world: in which it runs.
+    setup: what holds there. samples: what is recorded of a lifetime that is alone.
 
     history: what the live fitness starts from; None for that of the rule. master: of a yoked lifetime.
     """
@@ -51,64 +51,66 @@ class Block:
         master: "Block | None" = None,
     ) -> None:
         self._who, self._lifetime, self.world = individuals[0], lifetime, simulator.phases[0].scenario
-        who, count = self._who, len(individuals)
+        who = self._who
         self._first = world = self.world
         self.kind = kind = simulator.kind_of(who.controller, who.network)
         self._nominal = who.nominal if who.controller.adaptation.acts else None
         self._is_usual = self._nominal is None and history is None
         self.history = history or initial_history(who.controller.rule)
         self.starts = [world.maze.start if one.start is None else one.start for one in individuals]
-        states, every = in_rows(self._initial_lives(individuals), count)
-        shared = {
-            "recent": np.zeros((who.controller.rule.average, who.network.neurons)),
-            "workspace": kind.workspace,
-            "past": initial_past(world.robot),
-        }
-        self.lives: Life = with_arrays(every, lambda array: array[:count])
-        life = with_arrays(every, lambda array: array[-1])._replace(**shared)
-        track = self._track(life.track, master)
-        self.life: Life = life._replace(genotype=readonly(life.genotype), track=track)
-        self._rows = Rows(states, np.array(self.starts, float))
+        self._rows, self.lives = in_rows(self._initial_lives(individuals), len(individuals))
+        self._poses, last = np.array(self.starts, float), with_arrays(self.lives, lambda array: array[-1])
+        genotype = last.genotype._replace(synapse_state=kind.synapse_state, signs=self._signs())
+        self.life: Life = last._replace(
+            genotype=readonly(genotype),
+            recent=np.zeros((who.controller.rule.average, who.network.neurons)),
+            workspace=kind.workspace,
+            senses=kind.senses,
+            past=initial_past(world.robot),
+            track=self._track(last.track, master),
+        )
         self.record_every = lifetime.record_every if who.record else 0
         samples = -(-lifetime.steps // self.record_every) if self.record_every else 0
         self.samples = empty_samples(samples, who.network, world.physics, len(simulator.world.phases))
 
+    def _signs(self) -> Floats:
+        """The signs of updates; a ValueError if they do not fit."""
+        who, own = self._who, self.kind.signs
+        signs, synapses = own if who.signs is None else who.signs, who.network.synapses
+        if signs is None or signs.shape != (synapses,):
+            given = "none" if signs is None else signs.size
+            raise ValueError(f"sign=shuffled needs Individual.signs, {synapses} signs of updates, got {given}")
+        return np.ascontiguousarray(signs, float)
+
     def _initial_lives(self, individuals: Sequence[Individual]) -> Any:
-        """The lifetimes before their first step; a ValueError if the individuals' genes or signs do not fit."""
+        """What the lifetimes carry before their first step, but for what they may share."""
         who, kind, world = self._who, self.kind, self.world
-        rule, network = who.controller.rule, who.network
-        of_updates = kind.signs if who.signs is None else who.signs
-        if of_updates is None or of_updates.shape != (network.synapses,):
-            given = "none" if of_updates is None else of_updates.size
-            raise ValueError(f"sign=shuffled needs Individual.signs, {network.synapses} signs of updates, got {given}")
         keys = np.array([one.key for one in individuals], np.uint64)
         states = initial_states(
             np.array([one.genes for one in individuals]),
             kind.plan,
-            network,
-            rule,
+            who.network,
+            who.controller.rule,
             keys.tolist(),
-            signs=of_updates,
             synapse_state=kind.synapse_state,
             gain_rad_s=self._lifetime.gain_rad_s,
             step_s=STEP_S,
         )
-        shared: dict[str, Any] = dict.fromkeys(("recent", "workspace", "past"), ())  # they need no rows
-        different = individuals if world.task.has_trials else individuals[:1]
         alike = {
-            "tally": INITIAL_TALLY,
             "adaptation": who.controller.adaptation.initial_state(world.robot),
             "score": world.fitness.initial_state(),
-            "senses": kind.senses,
             "track": np.full(1, math.nan if kind.kept is None else 0.0),
         }
+        different = individuals if world.task.has_trials else individuals[:1]
         drawn = [world.task.initial_trials(one.side, one.task_key) for one in different]
+        shared: dict[str, Any] = dict.fromkeys(("recent", "workspace", "senses", "past"), ())
         return Life(
             **states,
             **{name: with_arrays(value, lambda array: array[None]) for name, value in alike.items()},
-            key=keys[:, None],
-            trials=np.array([trials.view(np.uint8) for trials in drawn]).view(TRIAL),
             **shared,
+            key=keys[:, None],
+            tally=INITIAL_TALLY[None],
+            trials=np.array([trials.view(np.uint8) for trials in drawn]).view(TRIAL),
         )
 
     def _track(self, path: Floats, master: "Block | None") -> Track | tuple[()]:
@@ -146,10 +148,15 @@ class Block:
         """
         live = self.kind.usual.call if self._is_usual else self.kind.live
         try:
-            live(self._rows, self.life, self.setup, space.handles, until)
+            live(self._rows, self._poses, self.life, self.setup, space.handles, until)
         except Exception as error:  # machine code raises nothing, so it comes from compiling
             raise explained(own_parts(self._who, self.world), error) from error
         self._seen = self.world
+        for group, scratch in zip(self.world.robot.sensors, self.life.senses.scratch, strict=True):
+            if isinstance(group, Sensor):
+                for reading, value in zip(group.readings, scratch, strict=True):
+                    if not 0.0 <= value <= 1.0:
+                        raise PartError(f"sensor {group.name}: {reading} must lie in [0, 1], `read` gave {value}")
         for is_wrong, kind, what, steps in self._faults():
             if is_wrong.any():
                 raise kind(f"{what} at step {steps[is_wrong.argmax()]} of {self._lifetime.steps}")
@@ -159,40 +166,30 @@ class Block:
         goals = list(self._first.goals_now.values())
         at_start = [min(math.dist(start[:2], goal) for goal in goals) for start in self.starts]
         bound, world = bound_of(self._who.controller.rule), self._seen  # since then, goals may have moved
-        return outcomes_of(self.lives, world, self._who.side, at_start, bound, self._rows.poses.tolist())
+        return outcomes_of(self.lives, world, self._who.side, at_start, bound, self._poses.tolist())
 
     def _faults(self) -> Iterator[tuple[Any, type[Exception], str, Any]]:
         """What must not be: whether it is so in each lifetime, its error and message, and the step in each."""
         lives, who, world = self.lives, self._who, self.world
         tally, wiring, controller = lives.tally[:, 0], who.network.wiring, who.controller
         where, steps = f"on a {who.side} trial of scenario {world.name}", tally["step"] - tally["lost"]
-        for group, scratch in zip(world.robot.sensors, lives.senses.scratch, strict=True):
-            if isinstance(group, Sensor):
-                for reading, values in zip(group.readings, scratch.T, strict=True):
-                    is_wrong = ~((values >= 0.0) & (values <= 1.0))
-                    gave = f"`read` gave {values[is_wrong.argmax()]} {where}; noticed"
-                    yield is_wrong, PartError, f"sensor {group.name}: {reading} must lie in [0, 1], {gave}", steps
         if world.fitness.step:
             what = f"fitness {world.fitness.name}: `step` gave infinite or nan values {where}; noticed"
             yield ~np.isfinite(lives.score["sum"][:, 0]), PartError, what, steps
         if wiring is not None:
             what = f"wiring {wiring.name}: `neuron` gave infinite or nan activations {where}; noticed"
-            yield ~_all_finite(lives.activation), PartError, what, steps
+            yield ~np.isfinite(lives.activation).all(axis=1), PartError, what, steps
         if (signal := next(iter(controller.adaptation.parts), None)) is not None:
             failed = tally["failed_signal"]
             yield failed > 0, PartError, f"change signal {signal.__name__}: `signal` gave nan {where}", failed
         where = f"{where}, controller {controller.name},"
-        stored = lives.weights, lives.synapse_state.view(np.float64), tally["weight_change_sum"][:, None]
+        are_finite = np.isfinite(lives.weights).all(axis=1) & np.isfinite(tally["weight_change_sum"])
+        are_finite &= np.isfinite(lives.synapse_state.view(np.float64)).all(axis=1)
         what = f"{where} the rule {controller.rule.name} made weights infinite or nan"
-        yield ~np.logical_and.reduce(list(map(_all_finite, stored))), LostRobotError, what, steps
+        yield ~are_finite, LostRobotError, what, steps
         summed = tally["behaviour_sum"] + tally["path_length"] + tally["goal_distance"]
         what = f"{where} the robot's pose stopped being finite or left the arena"
         yield tally["lost"] | ~np.isfinite(summed), LostRobotError, what, steps
-
-
-def _all_finite(values: Floats) -> Any:
-    """Whether all numbers of each lifetime are finite, (lifetimes,) of (lifetimes, numbers)."""
-    return np.isfinite(values).all(axis=1)
 
 
 def own_parts(individual: Individual, world: Scenario) -> list[type[OwnClass]]:

@@ -120,32 +120,22 @@ class Life(NamedTuple):
     track: Any
 
 
-class Rows(NamedTuple):
-    """Lifetimes that run one after the other.
-
-    states: a row for each, all arrays of its `Life` that are its alone, side by side; where there are several, one more
-    row, for the one that runs. poses: (lifetimes, 3) where each robot starts [m, m, rad], then where it is.
-    """
-
-    states: NDArray[np.uint64]
-    poses: Floats
-
-
 def in_rows(record: Any, count: int) -> tuple[NDArray[np.uint64], Any]:
-    """Put arrays side by side, whose first axis is lifetimes (or 1, if all are alike): a row for each lifetime.
+    """Put what lifetimes carry side by side, a row for each; where they are several, one more, for the one that runs.
 
-    record: of arrays and of such records. Returns the rows of `Rows`, and the record with views of them as arrays.
+    record: of arrays, and of such records, whose first axis is lifetimes, or 1 if all are alike. Returns the rows, and
+    the record with views of them.
     """
     arrays: list[NDArray[Any]] = []
     with_arrays(record, arrays.append)
     ends = list(accumulate(-(-array[0].nbytes // WORD) for array in arrays))
-    rows = np.zeros((count + (count > 1), ends[-1]), np.uint64)
-    columns = iter(np.split(rows, ends[:-1], axis=1))
+    rows, begins = np.zeros((count + (count > 1), ends[-1]), np.uint64), iter([0, *ends])
 
-    def put(array: NDArray[Any]) -> NDArray[Any]:
-        octets = next(columns).view(np.uint8)[:, : array[0].nbytes]
-        octets[:count] = np.ascontiguousarray(array).reshape(len(array), -1).view(np.uint8)
-        return octets.view(array.dtype).reshape(len(rows), *array.shape[1:])
+    def put(array: Any) -> Any:
+        strides = rows.strides[0], *array[0].strides
+        view = np.ndarray((len(rows), *array.shape[1:]), array.dtype, rows, WORD * next(begins), strides)
+        view[:count] = array
+        return view
 
     return rows, with_arrays(record, put)
 

@@ -9,12 +9,15 @@ record (`epuckhebb.tmaze.life.Life`). So it can be paused at any step, and resum
 import math
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled
 from epuckhebb.controller.plasticity.update import StepContext, effective_rate
 from epuckhebb.tmaze import fitness
 from epuckhebb.tmaze.faults import turn_wheels
-from epuckhebb.tmaze.life import Life, Rows, Setup
+from epuckhebb.tmaze.life import Life, Setup
 from epuckhebb.tmaze.maze import Pose, Region
 from epuckhebb.tmaze.physics_engine import Handles, is_lost, pose
 from epuckhebb.tmaze.robot import STEP_S
@@ -32,21 +35,19 @@ open_gate = average = modulate = is_due = learn = begin_updates = end_updates = 
 explore = move = to_goal = end_step = place = _part  # move
 
 
-def live_in_turn(rows: Rows, life: Life, setup: Setup, space: Handles, until: int) -> None:
+def live_in_turn(rows: NDArray[np.uint64], poses: Floats, life: Life, setup: Setup, space: Handles, until: int) -> None:
     """Run lifetimes one after the other, each until before step `until`; the first robot stands in `space` already.
 
-    rows, life: updated.
+    rows: what each lifetime carries, updated; the arrays of `life` are the last row. poses: (lifetimes, 3) where each
+    robot starts [m, m, rad], then where it is.
     """
-    states, poses = rows.states, rows.poses
-    count, here = poses.shape[0], states.shape[0] - 1
-    for robot in range(count):
+    here = rows.shape[0] - 1
+    for robot in range(poses.shape[0]):
         if robot > 0:
             place(space, poses[robot, 0], poses[robot, 1], poses[robot, 2])
-        if count > 1:
-            copy(states[robot], states[here])
+        copy(rows[robot], rows[here])
         live(life, setup, space, until)
-        if count > 1:
-            copy(states[here], states[robot])
+        copy(rows[here], rows[robot])
         at = pose(space)
         poses[robot, 0], poses[robot, 1], poses[robot, 2] = at.x, at.y, at.heading
 
@@ -170,10 +171,10 @@ def look(life: Life, setup: Setup, space: Handles, readings: Floats) -> None:
 
 
 @compiled
-def copy(state: Any, to: Any) -> None:
+def copy(row: NDArray[np.uint64], to: NDArray[np.uint64]) -> None:
     """Copy all that a lifetime carries."""
-    for word in range(state.shape[0]):
-        to[word] = state[word]
+    for word in range(row.shape[0]):
+        to[word] = row[word]
 
 
 @compiled

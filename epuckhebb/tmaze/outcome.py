@@ -92,7 +92,7 @@ def outcomes_of(
 ) -> list[Outcome]:
     """The metrics of lifetimes so far, of one step or more.
 
-    lives: their arrays, with an axis of lifetimes in front. world: of the last step. side: of the goal. at_start:
+    lives: their arrays, as `Block` has them. world: of the last step. side: of the goal. at_start:
     distance from each start to the nearest goal [m]. bound: of the weights. poses: of the robots after the last step.
     """
     tally, radius = lives.tally[:, 0], world.maze.goal_radius_m

@@ -12,12 +12,11 @@ from epuckhebb.controller.arrays import Floats
 from epuckhebb.tmaze import fitness
 from epuckhebb.tmaze.block import Block
 from epuckhebb.tmaze.individual import Individual
-from epuckhebb.tmaze.life import Life, Lifetime, Setup, pad_samples
+from epuckhebb.tmaze.life import Life, Lifetime, pad_samples
 from epuckhebb.tmaze.lifetime import look
 from epuckhebb.tmaze.maze import Pose, added, gap
 from epuckhebb.tmaze.outcome import Outcome
 from epuckhebb.tmaze.robot import STEP_S
-from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.simulator import Phase, Simulator
 
@@ -25,7 +24,8 @@ from epuckhebb.tmaze.simulator import Phase, Simulator
 class Session:
     """A lifetime in progress, run with `step`, in a world that `change` may replace at any time.
 
-    individual, lifetime: as given. block: its state, and its outcome.
+    individual, lifetime: as given. life: the present state. samples: what is recorded, of length 0 where nothing is.
+    block: the lifetime, as machine code has it.
 
     simulator: shared by lifetimes that run one after the other; without it, any number of sessions may be in progress.
     others: individuals of the same block, if all lifetimes are run at once, in one step of their whole length.
@@ -58,6 +58,8 @@ class Session:
             self._master = Session(master, world, self.lifetime, simulator=simulator.of_masters)
         leads = None if self._master is None else self._master.block
         self.block: Block = Block([individual, *others], self.lifetime, simulator, history=history, master=leads)
+        self.life: Life = self.block.life
+        self.samples = self.block.samples
         self._not_begun = {step: number for number, (step, _) in enumerate(world.phases)}
         self._space = self._phases[0].space
         self._space.place_robot(self.block.starts[0])
@@ -67,21 +69,6 @@ class Session:
     def world(self) -> Scenario:
         """The present world."""
         return self.block.world
-
-    @property
-    def life(self) -> Life:
-        """The present state."""
-        return self.block.life
-
-    @property
-    def setup(self) -> Setup:
-        """What holds in the present world."""
-        return self.block.setup
-
-    @property
-    def samples(self) -> Samples:
-        """What is recorded, of length 0 where nothing is."""
-        return self.block.samples
 
     @property
     def steps(self) -> int:
@@ -150,7 +137,7 @@ class Session:
         readings = np.zeros(self.individual.network.inputs)
         who = self.individual
         kernel = self._simulator.kernel(look, who.controller, who.network)
-        kernel(self.life, self.setup, self._space.handles, readings)
+        kernel(self.life, self.block.setup, self._space.handles, readings)
         return readings
 
     def outcome(self) -> Outcome:

@@ -78,6 +78,7 @@ class Simulator:
         self.world, self.lifetime, self._fallback_rule, self._kept = world, lifetime, fallback_rule, kept
         self.phases = self.phases_of(world)
         self._kinds: dict[tuple[int, int], Kind] = {}
+        self._room: dict[int, Floats] = {}  # for changes of so many weights
 
     @cached_property
     def of_masters(self) -> "Simulator":
@@ -115,6 +116,7 @@ class Simulator:
         rule, adaptation, robot = controller.rule, controller.adaptation, self.world.robot
         compiled_for = self._fallback_rule if controller.is_ga_alone else rule
         own = compiled_for is rule
+        room = np.empty((self._kept, 2, network.synapses))
         factor = self.lifetime.gain_rad_s / rule.N_gain_rad_s if rule.N_gain_rad_s else 1.0
         kernel = self.kernel(live_in_turn, controller, network)
         self._kinds[place] = kind = Kind(
@@ -134,7 +136,7 @@ class Simulator:
             signs=None if rule.sign is Sign.shuffled else signs(rule.sign, network.synapses),
             workspace=workspace_for(network),
             senses=sense_workspace(robot, self.world.physics),
-            kept=np.empty((self._kept, 2, network.synapses)) if self._kept else None,
+            kept=self._room.setdefault(network.synapses, room) if self._kept else None,
         )
         return kind
 
