@@ -41,6 +41,7 @@ SECTIONS = (
     Section("A control step against the plain loop (CPU time)", "step", 3, 7),
     Section("Its parts, each in a loop of its own (CPU time)", "parts", 3, 7),
     Section("Scale (CPU time a robot-step; gain in wall time)", "scale", 3, 3),
+    Section("The Python of a lifetime of one step (CPU time)", "lifetime", 1, 3),
     Section("A live world", "play", 3, 3, in_turn=False),
     Section("Whole commands (wall time; CPU time beside it)", "commands", 1, 3),
     Section("Warm commands (wall time; CPU time beside it)", "warm", 1, 7),

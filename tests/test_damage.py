@@ -10,8 +10,8 @@ from cases import done, refused
 from epuckhebb.cli.console import json_text
 from epuckhebb.controller.plasticity.rule import Rule
 from epuckhebb.controller.plasticity.rules.paper import Paper
+from epuckhebb.tmaze.block import LostRobotError
 from epuckhebb.tmaze.individual import Controller
-from epuckhebb.tmaze.session import LostRobotError
 
 SHORT = ["lifetime.duration_s=2", "threads=1", "-q"]
 TINY = ["ga.population=4", "ga.elites=1", "ga.loops=1", "ga.generations=1", "scenario.paper_duration_s=10"]

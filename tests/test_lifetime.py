@@ -20,6 +20,7 @@ from epuckhebb.controller.plasticity.rules.oja import Oja
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze import simulator
 from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.block import LostRobotError
 from epuckhebb.tmaze.fitness import Signal
 from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
 from epuckhebb.tmaze.life import Lifetime
@@ -27,7 +28,6 @@ from epuckhebb.tmaze.light import Lamp
 from epuckhebb.tmaze.maze import SIDES, Pose
 from epuckhebb.tmaze.robot import Robot
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.session import LostRobotError
 from epuckhebb.tmaze.simulator import kernel_of
 
 DATA = Path(__file__).parent / "data"

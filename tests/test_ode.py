@@ -24,9 +24,10 @@ from epuckhebb.studies import leaderboard
 from epuckhebb.studies.champions import evaluation_named, in_world_of
 from epuckhebb.tmaze import libode
 from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.block import LostRobotError
 from epuckhebb.tmaze.individual import Individual
 from epuckhebb.tmaze.life import Lifetime
-from epuckhebb.tmaze.session import LostRobotError, Session
+from epuckhebb.tmaze.session import Session
 
 ROOT = Path(__file__).parents[1]
 REFERENCE = ROOT / "runs" / "reference"

@@ -151,6 +151,37 @@ def test_sessions_at_once_do_not_disturb_each_other(genomes):
         assert_bit_identical((session.outcome(), session.samples), whole)
 
 
+@pytest.mark.parametrize("controller", [GA_ALONE, HEBBIAN, NOVEL], ids=["fixed", "plastic", "adaptive"])
+def test_a_block_of_lifetimes_is_each_of_them_alone(genomes, controller):
+    """They take turns in one space, bump into walls and obstacles, and start elsewhere; sides are mixed."""
+    starts, nominal = [None, Pose(0.0, -0.3, 1.2)], no_nominal(16, 8)._replace(time_to_goal_s=8.0)
+    individuals = [
+        Individual(
+            genes=genes, side=side, key=np.uint64(key), controller=controller, start=starts[key % 2], nominal=nominal
+        )
+        for key, genes in enumerate(genomes[:6])
+        for side in SIDES
+    ]
+    world, length = Scenario(obstacles=4), replace(SHORT, duration_s=30.0)
+    for one, whole in zip(individuals, run_lifetimes(individuals, world, length, threads=2), strict=True):
+        assert_bit_identical(run_in_pieces(Session(one, world, length)), whole)
+
+
+@pytest.mark.thorough
+def test_a_block_of_lifetimes_of_many_trials_is_each_of_them_alone():
+    network = Network((17, 7, 5, 8, 4, 2), rewarded=True)
+    population = initial(np.random.default_rng(897), 4, plan_of(network, Modulated))
+    modulated = Controller(name="modulated", rule=Modulated(N=0.003))
+    individuals = [
+        Individual(genes=genes, side="left", key=np.uint64(1), network=network, controller=modulated, task_key=key)
+        for key, genes in enumerate(population)
+    ]
+    world = Scenario(task=Reversal(trials=3, time_out_s=16.0), lamp=Lamp(intensity=0.0))
+    length = Lifetime(duration_s=55.0, gain_rad_s=4.0)
+    for one, whole in zip(individuals, run_lifetimes(individuals, world, length), strict=True):
+        assert_bit_identical(run_in_pieces(Session(one, world, length)), whole)
+
+
 def numbers_of(record):
     """The declared and the present type of each number that machine code is given in a record, by its place."""
     for name, declared in get_type_hints(type(record)).items():
@@ -179,7 +210,7 @@ WHOLE_LIFETIME = Lifetime(duration_s=2, gain_rad_s=4, noise=1)
 def test_machine_code_gets_fractions_where_whole_numbers_are_given(genomes, rule, side):
     """It is called without a look at types (`SameTypes`), and would cut a fraction where it expects a whole number."""
     individual = individual_of(genomes[0], side, controller=Controller(name="x", rule=rule))
-    setup = Session(individual, WHOLE, WHOLE_LIFETIME).setup
+    setup = Session(individual, WHOLE, WHOLE_LIFETIME).block.setup
     numbers = list(numbers_of(setup))
     assert {name for name, *_ in numbers} >= {"gain", "goal_x", "faults.left_slip", "lit.lamp_x"}
     assert [number for number in numbers if number[1] is not number[2]] == []

@@ -81,7 +81,7 @@ def gates(kind: type[ChangeSignal], plastic_when: PlasticWhen, stay: Stay) -> Ca
         if open_by > 0.0 and resting(tally.late_s, gate.active_s, gate.rest_s):
             open_by = 0.0
         if gate.motor_noise > 0.0 and step % exploration.HOLD == 0:
-            exploration.draw(life.key, exploration.FAR + step, state.noise)
+            exploration.draw(life.key[0], exploration.FAR + step, state.noise)
             tally.noise_left = gate.motor_noise * state.noise[0]
             tally.noise_right = gate.motor_noise * state.noise[1]
         tally.exploring = open_by > 0.0

@@ -7,6 +7,7 @@ import math
 import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -160,6 +161,12 @@ def individuals_for(
     ]
     yokings = [yoking(one.rule.control, network, one.rule.sign_draw, place) for one in controllers]
 
+    pairs = list(product(dict.fromkeys(repeat for *_, repeat in wanted), SIDES))
+    places = [(repeat, SIDES.index(side)) for repeat, side in pairs]
+    keys = dict(zip(pairs, random.keys(seed, Stream.evaluation_noise, places), strict=True))
+    task_keys = {repeat: int(random.key(seed, Stream.evaluation_task, repeat)) for repeat, _ in pairs}
+    of_side = {} if nominal is None else {side: nominal.of(side) for side in SIDES}
+
     def individual(number: int, side: Side, repeat: int) -> Individual:
         carries = side == "right" and controllers[number].rule.carries_history
         return Individual(
@@ -167,11 +174,11 @@ def individuals_for(
             network=network,
             side=side,
             controller=controllers[number],
-            key=random.key(seed, Stream.evaluation_noise, repeat, SIDES.index(side)),
-            task_key=int(random.key(seed, Stream.evaluation_task, repeat)),
+            key=keys[repeat, side],
+            task_key=task_keys[repeat],
             signs=of_updates[number],
             yoking=yokings[number],
-            nominal=None if nominal is None else nominal.of(side),
+            nominal=of_side.get(side),
             record=repeat == 0,
             after=replace(individual(number, "left", repeat), record=False) if carries else None,
         )

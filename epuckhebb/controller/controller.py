@@ -16,8 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.errors import PartError, explained
 from epuckhebb.controller.compiling.kernel import SameTypes, kernel
+from epuckhebb.controller.compiling.readonly import readonly, with_arrays
 from epuckhebb.controller.genome import plan_of
-from epuckhebb.controller.genotype import Genotype, initial_state
+from epuckhebb.controller.genotype import Genotype, initial_states
 from epuckhebb.controller.network import PAPER_NETWORK, Network
 from epuckhebb.controller.own_class import own_of, stored
 from epuckhebb.controller.plasticity.control import Control
@@ -126,18 +127,21 @@ class Controller:
         """Begin a lifetime. seed: of initial weights that are random, and of what is random in the rule."""
         network, rule = self.network, self.rule
         self.key, self.steps = np.uint64(seed), 0
-        state = initial_state(
-            self.genes,
+        synapse_state = stored(rule.synapse_state, network.synapses)
+        states = initial_states(
+            self.genes[None],
             self._plan,
             network,
             rule,
-            int(seed),
-            signs=self._signs,
-            synapse_state=stored(rule.synapse_state, network.synapses),
+            [int(seed)],
+            synapse_state=synapse_state,
             gain_rad_s=_NO_GAIN,
             step_s=self.step_s,
         )
-        self._state = _State(**state, tally=np.zeros(2), workspace=self._workspace)
+        state = {name: with_arrays(value, lambda array: array[0].copy()) for name, value in states.items()}
+        genotype = state.pop("genotype")._replace(synapse_state=synapse_state, signs=self._signs)
+        recent = np.zeros((rule.average, network.neurons))
+        self._state = _State(readonly(genotype), **state, recent=recent, tally=np.zeros(2), workspace=self._workspace)
         self.weights, activation = self._state.weights, self._state.activation
         self._inputs, self._outputs = activation[: network.inputs], activation[network.first_output :]
 
@@ -168,7 +172,7 @@ class Controller:
     @property
     def saturated_fraction(self) -> float:
         """The share of the weights at their bound; 0 without a rule."""
-        return saturated_fraction(self.weights, bound_of(self.rule))
+        return float(saturated_fraction(self.weights, bound_of(self.rule)))
 
     def check(self) -> None:
         """Refuse weights or activations that are no numbers, a PartError: such a lifetime means nothing."""

@@ -5,15 +5,20 @@ lifetime and on the step, without a generator whose state could be shared. A rob
 on any thread and after a pause.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from enum import IntEnum
 from functools import cache
+from itertools import permutations
 from statistics import NormalDist
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled
+
+_WORD = 0xFFFFFFFF
 
 
 class Stream(IntEnum):
@@ -49,6 +54,34 @@ def key(seed: int, stream: Stream, *place: int) -> np.uint64:
     """The key of a lifetime's sensor noise."""
     sequence = np.random.SeedSequence(seed, spawn_key=(stream, *place))
     return np.uint64(sequence.generate_state(1, np.uint64)[0])
+
+
+def keys(seed: int, stream: Stream, places: Sequence[tuple[int, ...]]) -> NDArray[np.uint64]:
+    """The key of each of many places, whose numbers are less than 2^32: all of them in the time of a few."""
+    words = [np.full(1, seed >> shift & _WORD, np.uint32) for shift in range(0, max(128, seed.bit_length()), 32)]
+    words += [np.full(1, stream, np.uint32), *np.array(places, np.uint32).T]
+    constant = 0x43B0D7E5
+
+    def scrambled(word: Any, factor: int = 0x931E8875) -> Any:
+        nonlocal constant
+        word, constant = word ^ np.uint32(constant), constant * factor & _WORD
+        word = word * np.uint32(constant)
+        return word ^ word >> 16
+
+    def mixed(word: Any, other: Any) -> Any:
+        word = word * np.uint32(0xCA01F9DD) - scrambled(other) * np.uint32(0x4973F715)
+        return word ^ word >> 16
+
+    # As NumPy's `SeedSequence` does it (O'Neill, "Developing a seed_seq alternative", 2015), for all places at once.
+    pool = [scrambled(word) for word in words[:4]]
+    for source, target in permutations(range(4), 2):
+        pool[target] = mixed(pool[target], pool[source])
+    for word in words[4:]:
+        pool = [mixed(target, word) for target in pool]
+    constant = 0x8B51F9DD
+    halves = np.array([scrambled(word, 0x58F38DED) for word in pool[:2]], np.uint64)
+    keys: NDArray[np.uint64] = halves[0] | halves[1] << np.uint64(32)
+    return keys
 
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)

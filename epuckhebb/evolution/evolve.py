@@ -6,7 +6,7 @@ never stopped.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import groupby
+from itertools import groupby, product
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
@@ -245,25 +245,25 @@ class MazeEvaluator(NamedTuple):
         of_updates = training_signs(self.controller.rule, self.network, self.seed)
         noise = max(self.optimizer.start_noise, world.start_noise)
         task_keys = {loop: int(random.key(self.seed, Stream.training_task, generation, loop)) for loop in loops}
-        for individual, genes in enumerate(population):
-            noise_of = 0 if self.shared else individual
-            for loop in loops:
-                for side in _TRIALS:
-                    place, start = (generation, noise_of, loop, SIDES.index(side)), world.scenario.maze.start
-                    if noise:
-                        moved = random.rng(self.seed, Stream.training_start, *place).uniform(-1, 1, 3)
-                        start = Pose(*(np.array(start) + noise * _START_SPREAD * moved).tolist())
-                    yield Individual(
-                        genes=genes,
-                        network=self.network,
-                        side=side,
-                        controller=self.controller,
-                        signs=of_updates,
-                        key=random.key(self.seed, Stream.training_noise, *place),
-                        task_key=task_keys[loop],
-                        start=start,
-                        record=self.training.lamarckian,
-                    )
+        lifetimes = list(product(range(len(population)), loops, _TRIALS))
+        places = [(generation, 0 if self.shared else who, loop, SIDES.index(side)) for who, loop, side in lifetimes]
+        keys = random.keys(self.seed, Stream.training_noise, places)
+        for (who, loop, side), place, key in zip(lifetimes, places, keys, strict=True):
+            start = world.scenario.maze.start
+            if noise:
+                moved = random.rng(self.seed, Stream.training_start, *place).uniform(-1, 1, 3)
+                start = Pose(*(np.array(start) + noise * _START_SPREAD * moved).tolist())
+            yield Individual(
+                genes=population[who],
+                network=self.network,
+                side=side,
+                controller=self.controller,
+                signs=of_updates,
+                key=key,
+                task_key=task_keys[loop],
+                start=start,
+                record=self.training.lamarckian,
+            )
 
 
 def history_row(generation: Generation) -> dict[str, Any]:

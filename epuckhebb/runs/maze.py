@@ -20,13 +20,13 @@ from epuckhebb.runs.notes import notes_of, unusual_values
 from epuckhebb.runtime import ConfigError, compiling
 from epuckhebb.store import Genome, as_npz, traces_arrays
 from epuckhebb.tmaze.batch import load_kernel
+from epuckhebb.tmaze.block import LostRobotError
 from epuckhebb.tmaze.individual import GA_ALONE, Controller, has_control
 from epuckhebb.tmaze.own_fitness import OF_OUTCOME
 from epuckhebb.tmaze.own_sensor import reading_names
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.robot import STEP_S
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.session import LostRobotError
 from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
 from epuckhebb.worlds.world import Figures, World, Write
 

@@ -8,20 +8,23 @@ import numpy as np
 from epuckhebb.controller.compiling.errors import PartError
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import HIDDEN, Network
+from epuckhebb.controller.own_class import own_of
 from epuckhebb.controller.plasticity.control import Control, yoking
 from epuckhebb.controller.plasticity.rule import NoRule
 from epuckhebb.controller.plasticity.rules.paper import Paper
+from epuckhebb.tmaze.block import LostRobotError, own_parts
 from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.outcome import Outcome
 from epuckhebb.tmaze.robot import OUTPUTS, STEP_S
 from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.session import LostRobotError, Session, own_parts
+from epuckhebb.tmaze.session import Session
 from epuckhebb.tmaze.simulator import Simulator
 
 _TRIED_S = 8.0  # of a lifetime that is run twice
-_LIFETIMES_PER_STAGE = 50  # that run one after the other
+_LIFETIMES_PER_STAGE = 100  # that run one after the other
+_SYNAPSES_PER_STAGE = 100_000  # of them all
 
 
 def run_lifetimes(
@@ -41,25 +44,41 @@ def run_lifetimes(
         NotCompiledError: a rule does not compile.
         LostRobotError: a pose or a weight stopped being finite; the message says whose and when.
     """
-    size = max(1, min(_LIFETIMES_PER_STAGE, -(-len(individuals) // threads)))
-    blocks = [individuals[first : first + size] for first in range(0, len(individuals), size)]
     rules = [one.controller.rule for one in individuals if not one.controller.adaptation.acts]
     fallback_rule = next((rule for rule in rules if not isinstance(rule, NoRule) and not rule.evolved), Paper())
 
     kept = int(weight_path or any(one.controller.rule.control is not Control.none for one in individuals))
 
-    def in_turn(block: Sequence[Individual]) -> list[tuple[Outcome, Samples]]:
-        simulator, done = Simulator(scenario, lifetime, fallback_rule, kept), []
-        for individual in block:
-            session = Session(individual, scenario, lifetime, simulator=simulator)
-            session.step(lifetime.steps)
-            done.append((session.outcome(), session.samples))
-        return done
+    simulators = [Simulator(scenario, lifetime, fallback_rule, kept)]  # those that no thread uses
+    sensors, can_place = own_of(scenario.robot.sensors), scenario.physics.placer() is not None
+    can_share = can_place and len(simulators[0].phases) == 1 and scenario.put is None and not sensors
+    alike: dict[object, list[int]] = {}
+    for number, one in enumerate(individuals):
+        is_alone = not can_share or (one.record and lifetime.record_every) or one.after or one.master
+        start = one.start if scenario.task.has_trials else None
+        kind = id(one.controller), id(one.network), one.side, id(one.signs), id(one.nominal), start
+        alike.setdefault(number if is_alone else kind, []).append(number)
+    synapses = max((one.network.synapses for one in individuals), default=1)
+    size = max(1, min(_LIFETIMES_PER_STAGE, _SYNAPSES_PER_STAGE // synapses, -(-len(individuals) // threads)))
+    blocks = [numbers[first : first + size] for numbers in alike.values() for first in range(0, len(numbers), size)]
 
+    def in_turn(block: list[int]) -> tuple[list[Outcome], Samples]:
+        try:
+            simulator = simulators.pop()
+        except IndexError:
+            simulator = Simulator(scenario, lifetime, fallback_rule, kept)
+        first, *others = (individuals[number] for number in block)
+        session = Session(first, scenario, lifetime, simulator=simulator, others=others)
+        session.step(lifetime.steps)
+        simulators.append(simulator)
+        return session.block.outcomes(), session.samples
+
+    done: dict[int, tuple[Outcome, Samples]] = {}
     # A pool even for one thread: Ctrl-C while numba builds a result would crash the process.
     with ThreadPoolExecutor(threads) as pool:
-        done = list(pool.map(in_turn, blocks))
-    return [one for block in done for one in block]
+        for block, (outcomes, samples) in zip(blocks, pool.map(in_turn, blocks), strict=True):
+            done.update(zip(block, ((outcome, samples) for outcome in outcomes), strict=True))
+    return [done[number] for number in range(len(individuals))]
 
 
 def load_kernel(

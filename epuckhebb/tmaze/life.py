@@ -4,14 +4,15 @@
 """
 
 import math
-from collections import namedtuple
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.compiling.readonly import with_arrays
 from epuckhebb.controller.genotype import Genotype
 from epuckhebb.controller.plasticity.update import Workspace
 from epuckhebb.controller.ranges import check, within
@@ -25,6 +26,7 @@ from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.senses import SenseWorkspace
 
 LONGEST_S = 1e9  # 31 years: more is surely a slip
+WORD = 8  # bytes
 _MOST_SAMPLES = 1_000_000  # of a lifetime; each takes 1.3 kB, mostly weights
 
 TALLY = np.dtype(
@@ -62,12 +64,9 @@ TALLY = np.dtype(
     ],
     align=True,
 )
-_namedtuple: Any = namedtuple  # mypy wants the names of the fields written out
-_Tally = _namedtuple("_Tally", TALLY.names)  # a whole tally is read in the time that four of its fields take
-_INITIAL_TALLY = np.zeros(1, TALLY)
-_INITIAL_TALLY["time_to_goal"], _INITIAL_TALLY["change_signal"] = math.nan, math.nan
-_INITIAL_TALLY["need"], _INITIAL_TALLY["scale"] = 1.0, 1.0
-INITIAL_BYTES = _INITIAL_TALLY.view(np.uint8)  # copied in a tenth of the time: NumPy copies a record field by field
+INITIAL_TALLY = np.zeros(1, TALLY)
+INITIAL_TALLY["time_to_goal"], INITIAL_TALLY["change_signal"] = math.nan, math.nan
+INITIAL_TALLY["need"], INITIAL_TALLY["scale"] = 1.0, 1.0
 
 
 @dataclass(kw_only=True)
@@ -97,7 +96,7 @@ class Lifetime:
 class Life(NamedTuple):
     """All that a lifetime carries from step to step, but for the space in which the robot stands.
 
-    key: of all noise. tally: one record of `TALLY`. weights: (synapses,). synapse_state: (synapses,) records.
+    key: (1,) of all noise. tally: one record of `TALLY`. weights: (synapses,). synapse_state: (synapses,) records.
     activation: (neurons,). recent: (steps, neurons), activations of the last steps. adaptation: what it carries.
     trials: records of `epuckhebb.tmaze.task.TRIAL`, none where a lifetime is one trial. score: one record, what its
     fitness stores. neurons: of a wiring; its state lasts as long as the lifetime. past: what late sensors and wheels
@@ -105,7 +104,7 @@ class Life(NamedTuple):
     """
 
     genotype: Genotype
-    key: np.uint64
+    key: NDArray[np.uint64]
     tally: NDArray[np.void]
     weights: Floats
     synapse_state: NDArray[np.void]
@@ -121,9 +120,24 @@ class Life(NamedTuple):
     track: Any
 
 
-def tally_of(life: Life) -> Any:
-    """The numbers of the tally, by name."""
-    return _Tally._make(life.tally[0].item())
+def in_rows(record: Any, count: int) -> tuple[NDArray[np.uint64], Any]:
+    """Put what lifetimes carry side by side, a row for each; where they are several, one more, for the one that runs.
+
+    record: of arrays, and of such records, whose first axis is lifetimes, or 1 if all are alike. Returns the rows, and
+    the record with views of them.
+    """
+    arrays: list[NDArray[Any]] = []
+    with_arrays(record, arrays.append)
+    ends = list(accumulate(-(-array[0].nbytes // WORD) for array in arrays))
+    rows, begins = np.zeros((count + (count > 1), ends[-1]), np.uint64), iter([0, *ends])
+
+    def put(array: Any) -> Any:
+        strides = rows.strides[0], *array[0].strides
+        view = np.ndarray((len(rows), *array.shape[1:]), array.dtype, rows, WORD * next(begins), strides)
+        view[:count] = array
+        return view
+
+    return rows, with_arrays(record, put)
 
 
 class Setup(NamedTuple):

@@ -1,13 +1,16 @@
 """A lifetime: sense, act, score, learn, move, every 32 ms, from the genome's weights to its end.
 
-`live` is the whole of it for one robot, compiled. The names in capitals and the functions that are not of this file are
-its parts: `simulator` puts those of the robot, the network, the plasticity rule, the adaptation and
-the task in their place. All that a lifetime carries is in one record (`epuckhebb.tmaze.life.Life`). So it can be paused
-at any step, and resumed bit-identically.
+`live` is the whole of it for one robot, and `live_in_turn`, which Python calls, runs it for one robot after the other.
+The names in capitals and the functions that are not of this file are its parts: `simulator` puts those of the robot,
+the network, the plasticity rule, the adaptation and the task in their place. All that a lifetime carries is in one
+record (`epuckhebb.tmaze.life.Life`). So it can be paused at any step, and resumed bit-identically.
 """
 
 import math
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled
@@ -29,7 +32,24 @@ INPUTS, OUTPUT, SUBSTEPS, HAS_RULE, HAS_TRIALS, HAS_SCORE, resets = 0, 0, 1, Fal
 draw_noise = sense = apply_sensor_faults = blind = reward_input = scale = _part  # sense
 forward = nearest = score = _part  # act, score
 open_gate = average = modulate = is_due = learn = begin_updates = end_updates = record_tilt = _part  # learn
-explore = move = to_goal = end_step = _part  # move
+explore = move = to_goal = end_step = place = _part  # move
+
+
+def live_in_turn(rows: NDArray[np.uint64], poses: Floats, life: Life, setup: Setup, space: Handles, until: int) -> None:
+    """Run lifetimes one after the other, each until before step `until`; the first robot stands in `space` already.
+
+    rows: what each lifetime carries, updated; the arrays of `life` are the last row. poses: (lifetimes, 3) where each
+    robot starts [m, m, rad], then where it is.
+    """
+    here = rows.shape[0] - 1
+    for robot in range(poses.shape[0]):
+        if robot > 0:
+            place(space, poses[robot, 0], poses[robot, 1], poses[robot, 2])
+        copy(rows[robot], rows[here])
+        live(life, setup, space, until)
+        copy(rows[here], rows[robot])
+        at = pose(space)
+        poses[robot, 0], poses[robot, 1], poses[robot, 2] = at.x, at.y, at.heading
 
 
 def live(life: Life, setup: Setup, space: Handles, until: int) -> None:
@@ -42,7 +62,7 @@ def live(life: Life, setup: Setup, space: Handles, until: int) -> None:
         left, right = decide(life, setup, space, at, cos, sin, step)
 
         # Move.
-        left, right = turn_wheels(setup.faults, tally, life.past, left, right, setup.gain, life.key, step)
+        left, right = turn_wheels(setup.faults, tally, life.past, left, right, setup.gain, life.key[0], step)
         move(space, cos, sin, left, right)
         before, at = at, pose(space)
         if settle(tally, setup, before, at, step):
@@ -101,7 +121,7 @@ def decide(
         if HAS_RULE and setup.rate > 0.0 and need > 0.0:
             rate = base_rate * modulate(life.genotype.modulatory, read)
             if is_due(number, setup.rule):
-                context = StepContext(live_fitness, life.key, number, STEP_S / SUBSTEPS)
+                context = StepContext(live_fitness, life.key[0], number, STEP_S / SUBSTEPS)
                 tally.weight_change = learn(
                     weights, life.synapse_state, life.genotype, read, rate, context, setup.rule, workspace
                 )
@@ -122,7 +142,7 @@ def perceive(life: Life, setup: Setup, space: Handles, at: Pose, cos: float, sin
     """Fill the inputs of the network, as sensors and task give them: with noise and faults."""
     tally, noise = life.tally[0], life.senses.noise
     if setup.noise_level > 0.0:
-        draw_noise(life.key, tally.step, noise)
+        draw_noise(life.key[0], tally.step, noise)
     goal = Goal(setup.goal_x, setup.goal_y, tally.goal_distance)
     sense(at.x, at.y, cos, sin, space, setup.lit, noise, setup.noise_level, life.senses, readings, goal)
     apply_sensor_faults(readings, setup.faults, life.past, tally.step)
@@ -148,6 +168,13 @@ def look(life: Life, setup: Setup, space: Handles, readings: Floats) -> None:
     tally, at = life.tally[0], pose(space)
     tally.goal_distance = to_goal(setup, at.x, at.y)
     perceive(life, setup, space, at, math.cos(at.heading), math.sin(at.heading), readings)
+
+
+@compiled
+def copy(row: NDArray[np.uint64], to: NDArray[np.uint64]) -> None:
+    """Copy all that a lifetime carries."""
+    for word in range(row.shape[0]):
+        to[word] = row[word]
 
 
 @compiled

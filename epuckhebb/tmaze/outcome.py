@@ -1,9 +1,10 @@
 """The outcome of a lifetime: success, the end at which the robot is, and all other metrics.
 
-Success is decided in `outcome_of`: the robot is within 5 cm of its goal at the last step.
+Success is decided in `outcomes_of`: the robot is within 5 cm of its goal at the last step.
 """
 
 import math
+from collections.abc import Sequence
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -13,10 +14,10 @@ from numpy.typing import NDArray
 from epuckhebb.controller.compiling.readonly import readonly
 from epuckhebb.controller.plasticity.weight_change import saturated_fraction
 from epuckhebb.tmaze import fitness
-from epuckhebb.tmaze.life import Life, tally_of
-from epuckhebb.tmaze.maze import SIDES, Pose, Side
+from epuckhebb.tmaze.life import Life
+from epuckhebb.tmaze.maze import SIDES, Side
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.task import NO_TRIALS
+from epuckhebb.tmaze.task import NO_TRIALS, TRIAL
 
 
 class End(StrEnum):
@@ -86,36 +87,45 @@ class OutcomeOfTrials(Outcome):
         return self._trials
 
 
-def outcome_of(life: Life, world: Scenario, side: Side, at_start: float, bound: float, pose: Pose) -> Outcome:
-    """The metrics of a lifetime so far, of one step or more.
+def outcomes_of(
+    lives: Life, world: Scenario, side: Side, at_start: Sequence[float], bound: float, poses: Sequence[Sequence[float]]
+) -> list[Outcome]:
+    """The metrics of lifetimes so far, of one step or more.
 
-    world: of the last step. side: of the goal. at_start: distance from its start to the nearest goal [m]. bound: of the
-    weights. pose: of the robot after the last step.
+    lives: their arrays, as `Block` has them. world: of the last step. side: of the goal. at_start:
+    distance from each start to the nearest goal [m]. bound: of the weights. poses: of the robots after the last step.
     """
-    tally, trials = tally_of(life), readonly(life.trials)
+    tally, radius = lives.tally[:, 0], world.maze.goal_radius_m
     (other_goal,) = (world.goals_now[other] for other in SIDES if other != side)
-    behaviour, goal_reward = tally.behaviour_sum / tally.step, fitness.reward(tally.goal_distance)
-    outcome = Outcome(
-        tally.time_to_goal,
-        tally.path_length,
-        tally.goal_distance,
+    steps, distances = tally["step"], tally["goal_distance"]
+    behaviour = (tally["behaviour_sum"] / steps).tolist()
+    reward = [fitness.reward(distance) for distance in distances.tolist()]
+    trials = lives.trials.view(np.uint8).copy().view(TRIAL)  # copied byte by byte, as a record's padding is not
+    columns = (
+        tally["time_to_goal"].tolist(),
+        tally["path_length"].tolist(),
+        distances.tolist(),
         behaviour,
-        goal_reward,
-        tally.weight_change_sum / tally.step,
-        tally.weight_change + tally.scaling,
-        tally.contacts / tally.step,
-        tally.goal_distance < world.maze.goal_radius_m,
-        world.task.fitness(behaviour, goal_reward, trials, at_start),
-        tally.step,
-        saturated_fraction(life.weights, bound),
-        *pose[:2],
-        float(life.track.path[0]) if life.track else math.nan,
-        math.dist(pose[:2], other_goal) < world.maze.goal_radius_m,
+        reward,
+        (tally["weight_change_sum"] / steps).tolist(),
+        (tally["weight_change"] + tally["scaling"]).tolist(),
+        (tally["contacts"] / steps).tolist(),
+        (distances < radius).tolist(),
+        map(world.task.fitness, behaviour, reward, readonly(trials), at_start),
+        steps.tolist(),
+        saturated_fraction(lives.weights, bound).tolist(),
+        [x for x, *_ in poses],
+        [y for _, y, *_ in poses],
+        lives.track[:, 0].tolist(),
+        [math.dist(pose[:2], other_goal) < radius for pose in poses],
     )
+    outcomes = list(map(Outcome, *columns))
     if world.fitness.is_own:
-        facts = {**outcome._asdict(), "paper": outcome.fitness, "trials": trials}
-        outcome = outcome._replace(fitness=world.fitness.of_lifetime(facts, life.score))
-    if len(life.trials):
-        outcome = OutcomeOfTrials(*outcome)
-        outcome._trials = life.trials
-    return outcome
+        for k, outcome in enumerate(outcomes):
+            facts = {**outcome._asdict(), "paper": outcome.fitness, "trials": readonly(trials[k])}
+            outcomes[k] = outcome._replace(fitness=world.fitness.of_lifetime(facts, lives.score[k]))
+    if world.task.has_trials:
+        for k, outcome in enumerate(outcomes):
+            outcomes[k] = of_trials = OutcomeOfTrials(*outcome)
+            of_trials._trials = trials[k]
+    return outcomes

@@ -67,6 +67,10 @@ class Physics(OwnClass, ABC):
         The robot looks along (cos, sin); its wheels are to turn at left and right [rad/s].
         """
 
+    def placer(self) -> Callable[..., None] | None:
+        """The function `place(space, x, y, heading)`, which does what `Space.place_robot` does; None if Python must."""
+        return None
+
     def put_rays(self, robot: Robot) -> Callable[..., None]:  # noqa: ARG002  # others need it
         """The function `put(space, x, y, cos, sin, places, rays)` that fills the rays of a robot's sensors."""
         return put_rays

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.compiling.kernel import SameTypes, compiled, kernel, with_parts
+from epuckhebb.controller.compiling.kernel import SameTypes, compiled, kernel, nothing, with_parts
 from epuckhebb.controller.genome import GenomePlan, plan_of
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import stored
@@ -24,7 +24,7 @@ from epuckhebb.tmaze.faults import faults_of, sensor_faults
 from epuckhebb.tmaze.fitness import initial_history, signal_number
 from epuckhebb.tmaze.individual import Controller, NoAdaptation
 from epuckhebb.tmaze.life import Lifetime
-from epuckhebb.tmaze.lifetime import decide, live, perceive, settle
+from epuckhebb.tmaze.lifetime import decide, live, live_in_turn, perceive, settle
 from epuckhebb.tmaze.light import lights
 from epuckhebb.tmaze.maze import Pose, Region, Side
 from epuckhebb.tmaze.own_fitness import score_of, scored
@@ -78,6 +78,7 @@ class Simulator:
         self.world, self.lifetime, self._fallback_rule, self._kept = world, lifetime, fallback_rule, kept
         self.phases = self.phases_of(world)
         self._kinds: dict[tuple[int, int], Kind] = {}
+        self._room: dict[int, Floats] = {}  # for changes of so many weights
 
     @cached_property
     def of_masters(self) -> "Simulator":
@@ -115,8 +116,9 @@ class Simulator:
         rule, adaptation, robot = controller.rule, controller.adaptation, self.world.robot
         compiled_for = self._fallback_rule if controller.is_ga_alone else rule
         own = compiled_for is rule
+        room = np.empty((self._kept, 2, network.synapses))
         factor = self.lifetime.gain_rad_s / rule.N_gain_rad_s if rule.N_gain_rad_s else 1.0
-        kernel = self.kernel(live, controller, network)
+        kernel = self.kernel(live_in_turn, controller, network)
         self._kinds[place] = kind = Kind(
             live=kernel,
             usual=SameTypes(kernel),
@@ -134,7 +136,7 @@ class Simulator:
             signs=None if rule.sign is Sign.shuffled else signs(rule.sign, network.synapses),
             workspace=workspace_for(network),
             senses=sense_workspace(robot, self.world.physics),
-            kept=np.empty((self._kept, 2, network.synapses)) if self._kept else None,
+            kept=self._room.setdefault(network.synapses, room) if self._kept else None,
         )
         return kind
 
@@ -144,10 +146,10 @@ def kernel_of(
     adaptation: NoAdaptation,
     network: Network,
     world: Scenario,
-    page: Callable[..., None] = live,
+    page: Callable[..., None] = live_in_turn,
     schedule: Schedule = EVERY_STEP,
 ) -> Any:
-    """`live`, or another page that takes the parts of a lifetime (`look`), compiled or from the cache.
+    """`live_in_turn`, or another page that takes the parts of a lifetime (`look`), compiled or from the cache.
 
     schedule: of the rule. Of the world only robot, task, fitness and physics matter, and of adaptation, task and
     fitness only the functions.
@@ -173,9 +175,10 @@ def kernel_of(
         "apply_sensor_faults": sensor_faults(robot),
         **task.hooks(robot.inputs)._asdict(),
         "move": physics.mover(robot),
+        "place": physics.placer() or nothing,
         "record_tilt": physics.record_tilt(),
     }
-    for block in (perceive, decide, settle):
+    for block in (perceive, decide, settle, live):
         parts[block.__name__] = compiled(with_parts(block, parts))
     _kernels[page, values] = made = kernel(page, values, **parts)
     return made

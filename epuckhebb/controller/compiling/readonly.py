@@ -1,5 +1,6 @@
 """Arrays that a part is handed and may not write: others read the same ones after it."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -14,11 +15,23 @@ _TUPLE: Any = types.BaseTuple
 
 def readonly(value: Any) -> Any:
     """An array, or a record of arrays, in a form that cannot be written: numba refuses to compile a store."""
+    return with_arrays(value, _readonly_view)
+
+
+def with_arrays(value: Any, make: Callable[[Any], Any]) -> Any:
+    """An array, or a record of arrays and of such records, with what `make` gives in place of each array."""
     if isinstance(value, np.ndarray):
-        view = value.view()
-        view.flags.writeable = False
-        return view
-    return type(value)(*map(readonly, value)) if isinstance(value, tuple) and hasattr(value, "_fields") else value
+        return make(value)
+    if isinstance(value, tuple):
+        values = [with_arrays(one, make) for one in value]
+        return type(value)(*values) if hasattr(value, "_fields") else tuple(values)
+    return value
+
+
+def _readonly_view(array: Any) -> Any:
+    view = array.view()
+    view.flags.writeable = False
+    return view
 
 
 def _of_type(kind: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -18,9 +19,9 @@ def weight_change_workspace(network: Network) -> int:
     return -(-network.synapses // _LANES) * _LANES
 
 
-def saturated_fraction(weights: Floats, w_max: float) -> float:
-    """The share of the weights whose absolute value is more than `SATURATED` times their bound."""
-    return np.count_nonzero(np.abs(weights) > SATURATED * w_max) / len(weights)
+def saturated_fraction(weights: Floats, w_max: float) -> Any:
+    """The share of the weights, (..., synapses), whose absolute value is more than `SATURATED` times their bound."""
+    return (np.abs(weights) > SATURATED * w_max).sum(axis=-1) / weights.shape[-1]
 
 
 @compiled

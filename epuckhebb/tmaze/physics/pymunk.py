@@ -192,7 +192,7 @@ def _step(space: Handles) -> None:
 
 @compiled
 def put_back(space: Handles, x: float, y: float, heading: float) -> None:
-    """Put the robot at a place, at rest, during its lifetime, as `PymunkSpace.place_robot` does before it."""
+    """Put the robot at a place, at rest, without traces of what was before, as `PymunkSpace.place_robot` does."""
     state = space.state
     state[_X], state[_Y], state[_HEADING] = x, y, heading
     state[_V_X], state[_V_Y], state[_TURN] = 0.0, 0.0, 0.0
@@ -319,6 +319,10 @@ class Pymunk(Physics):
     def mover(self, robot: Robot) -> Move:
         """The function `move(space, cos, sin, left, right)` that moves the robot for one step."""
         return mover(robot)
+
+    def placer(self) -> Callable[..., None]:
+        """The function `place(space, x, y, heading)`, which does what `Space.place_robot` does."""
+        return put_back
 
 
 PYMUNK = Pymunk()
