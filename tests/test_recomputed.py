@@ -9,8 +9,10 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-REFERENCE = Path(__file__).parents[1] / "runs" / "reference"
+ROOT = Path(__file__).parents[1]
+REFERENCE = ROOT / "runs" / "reference"
 TRAINED, RATE = {"light": "highlight", "obstacles": "base"}, {"light": 0.002, "obstacles": 0.000015}
+SECTION = {"lowlight": "## 1. ", "4obstacles": "## 2. "}  # of results.md
 CHANCE = np.random.default_rng(1)
 UNKNOWN = (math.nan, math.nan)
 
@@ -409,6 +411,48 @@ def test_the_rule_among_obstacles():
     assert numbers[6:9] == pytest.approx([difference.mean(), low, high], abs=0.02)
     assert numbers[9] == pytest.approx(p, abs=0.02)
     assert numbers[10:] == counts["Hebbian_0.000015"]
+
+
+ROWS = {  # of the tables of results.md, with their controllers in the sweeps
+    "the rule": "Hebbian",
+    "no plasticity": "GA",
+    "yoked: signs": "yoked_sign",
+    "yoked: places": "yoked_place",
+    "shuffled signs": "shuffled",
+    "shuffled signs, N = 0.00015": "shuffled",
+    "the opposite sign": "anti",
+    "the opposite sign, N = 0.00005": "anti",
+    "the rule, N = 0.00005": "Hebbian",
+    "the rule, the paper's N = 0.000015": "Hebbian_0.000015",
+}
+
+
+@pytest.mark.parametrize(
+    ("studies", "scenario", "fates"),
+    [
+        (["which_end"], "lowlight", [["all", "broken"]]),
+        (["stopping", "stopping_plane"], "4obstacles", [["broken"], ["broken"]]),
+    ],
+)
+def test_the_ends_of_each_control(studies, scenario, fates):
+    """Right and wrong ends in the tables of results.md, means over the draws of a control."""
+    told = []
+    for study, among in zip(studies, fates, strict=True):
+        each = sides_of(study).xs(scenario, level="scenario")
+        name = each.index.get_level_values("controller").str.replace(r"_\d$", "", regex=True)
+        draws = pd.Series(each.index.get_level_values("controller")).groupby(name).nunique()
+        for fate in among:
+            own = each.end[(each.fate == fate) | (fate == "all")]
+            kind = own.index.get_level_values("controller").str.replace(r"_\d$", "", regex=True)
+            told.append(pd.crosstab(kind, own.to_numpy()).reindex(columns=["right", "wrong"]).div(draws, axis=0))
+    page = (ROOT / "docs" / "results.md").read_text()
+    rows = re.findall(r"^\| ([^|]+) \|(.*)\|$", page.split(SECTION[scenario])[1].split("\n## ")[0], re.MULTILINE)
+    found = {name: re.findall(r"([\d.]+), ([\d.]+)(?: of \d+)? \|", f"{cells}|") for name, cells in rows}
+    checked = {name: ends for name, ends in found.items() if name in ROWS}
+    assert len(checked) >= 4
+    for name, ends in checked.items():
+        expected = [table.loc[ROWS[name]].tolist() for table in told]
+        np.testing.assert_allclose(np.array(ends, float), np.nan_to_num(expected), atol=1e-9, err_msg=name)
 
 
 def test_who_is_sooner(outcomes):
