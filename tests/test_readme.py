@@ -90,32 +90,36 @@ FINDINGS = [  # a sentence, and the counts that stand in it, each with the metho
 ]
 
 
-# Study, world of its champions, changed world, control; the claim that the change breaks most trials; then for each
-# rule its name in the tables, and the claims that it rescues most of these and that it harms most in training.
+# Studies of the rule and of the control, world of the champions, changed world; the claim that the change breaks most
+# trials; then for each rule its name in the tables, and the claims that it rescues and that it harms most in training.
 CLAIMS = (
     (
-        ("which_end", "highlight", "lowlight", "yoked_sign"),
+        ("which_end", "which_end", "highlight", "lowlight"),
         "Dimmed light breaks most trials",
         ("Hebbian", "The rule (N = 0.002) rescues most of these", "In the light of training it harms most"),
     ),
     (
-        ("stopping", "base", "4obstacles", "shuffled"),
+        ("stopping", "stopping_yoked", "base", "4obstacles"),
         "Four obstacles break most trials",
         ("Hebbian_0.000015", "The rule (N = 0.000015) rescues most of these", "Without obstacles it harms most"),
         ("Hebbian", "The rule (N = 0.00005, chosen) rescues most", "Without obstacles it harms most"),
     ),
 )
+CONTROL = "yoked_sign"  # as large as the rule
 HEAD = ["claim", "verdict", "trials", "share", "wrong end", "random changes: share, wrong end"]
 
 
-def claims_of(study, trained, changed, control, breaking, *rules):
+def claims_of(study, control, trained, changed, breaking, *rules):
     """A row for each claim of an experiment: that the change breaks, that the rule rescues, that it harms most trials.
 
     Beside each stands how many of these trials end at the wrong goal, and both for the control.
     """
-    harm, ends, each = (
-        pd.read_csv(REFERENCE / study / f"{name}.csv", keep_default_na=False)
-        for name in ("rescue_and_harm", "ends", "ends_by_champion")
+    harm, ends, each, random = (
+        pd.read_csv(REFERENCE / folder / f"{name}.csv", keep_default_na=False)
+        for folder, name in (
+            *((study, name) for name in ("rescue_and_harm", "ends", "ends_by_champion")),
+            (control, "ends"),
+        )
     )
     alone = each[(each.controller == "GA") & (each.scenario == changed)]
     broken, intact = (
@@ -130,8 +134,8 @@ def claims_of(study, trained, changed, control, breaking, *rules):
     ):
         row = harm[(harm.scenario == scenario) & (harm.controller == rule)].iloc[0]
         own, other = (
-            ends[(ends.scenario == scenario) & (ends.controller == name) & (ends.among == whole)].iloc[0]
-            for name in (rule, control)
+            rows[(rows.scenario == scenario) & (rows.controller == name) & (rows.among == whole)].iloc[0]
+            for rows, name in ((ends, rule), (random, CONTROL))
         )
         low, high = float(row[f"{part}_low"]), float(row[f"{part}_high"])
         share = other.right / other.trials if part == "rescued" else 1 - other.right / other.trials
@@ -184,6 +188,8 @@ def stopping():
     verdict = "not shown that the rule rescues more than random changes"
     if 5 * p < 0.05:
         verdict = f"the rule rescues {'more' if effect > 0 else 'less'} than random changes do"
+    yoked = pd.read_csv(REFERENCE / "stopping_yoked" / "ends.csv").set_index(["scenario", "controller", "among"])
+    of_its_size = yoked.loc["4obstacles", CONTROL, "broken"]
     rule, paper = ([int(count[end][name].sum()) for end in count] for name in ("Hebbian", "Hebbian_0.000015"))
     random = [sum(count[end][draw].sum() for draw in draws) / len(draws) for end in count]
     return (
@@ -191,7 +197,8 @@ def stopping():
         f"{(whole > 0).sum()} champions the rule ends right in {rule[0]} and wrong in {rule[1]} at an N that was "
         f"chosen on other champions, shuffled signs at theirs in {random[0]:.1f} and {random[1]:.1f}: right less wrong "
         f"differs by {effect:+.2f} a champion [{low:+.2f}, {high:+.2f}], p = {p:.2g}. At the paper's N it is "
-        f"{paper[0]} and {paper[1]}.\n"
+        f"{paper[0]} and {paper[1]}; random changes as large as the rule's, at its chosen N, end right in "
+        f"{of_its_size.right:.1f} and wrong in {of_its_size.wrong:.1f}.\n"
     )
 
 

@@ -310,15 +310,16 @@ README = (REFERENCE.parents[1] / "README.md").read_text()
 STUDIES = {  # of the front page: training world, changed world, the draws of the control, rules, rows of the table
     "which_end": ("highlight", "lowlight", [f"yoked_sign_{draw}" for draw in range(5)], ["Hebbian"], slice(3)),
     "stopping": (
-        *("base", "4obstacles", [f"shuffled_{draw}" for draw in range(5)]),
+        *("base", "4obstacles", [f"yoked_sign_{draw}" for draw in range(5)]),
         *(["Hebbian_0.000015", "Hebbian"], slice(3, 8)),
     ),
 }
 
 
-def sides_of(study):
-    """End and fate of each trial, from a table with a row a champion: controller, scenario, champion and side."""
-    rows = pd.read_csv(REFERENCE / study / "ends_by_champion.csv", keep_default_na=False)
+def sides_of(*studies):
+    """End and fate of each trial, from tables with a row a champion: controller, scenario, champion and side."""
+    tables = [pd.read_csv(REFERENCE / study / "ends_by_champion.csv", keep_default_na=False) for study in studies]
+    rows = pd.concat(tables, ignore_index=True).drop_duplicates(["controller", "scenario", "genome"])
     sides = [
         rows[["controller", "scenario", "genome"]].assign(side=side, end=rows[f"end_{side}"], fate=rows[f"fate_{side}"])
         for side in ("left", "right")
@@ -329,7 +330,7 @@ def sides_of(study):
 @pytest.mark.parametrize("study", STUDIES)
 def test_the_claims_of_the_front_page(study):
     trained, changed, draws, rules, places = STUDIES[study]
-    each = sides_of(study)
+    each = sides_of(study, *([f"{study}_yoked"] if study == "stopping" else []))
     fate = each.loc["GA", changed].fate
     right, wrong = (
         {key: each.end[key] == end for key in each.index.droplevel([2, 3]).unique()} for end in ("right", "wrong")
@@ -385,7 +386,7 @@ def test_which_end_is_chance():
 
 def test_the_rule_among_obstacles():
     """The bullet of run 2: right less wrong ends of broken trials, the rule less five draws of shuffled signs."""
-    each = sides_of("stopping").xs("4obstacles", level="scenario")
+    each = sides_of("stopping", "stopping_yoked").xs("4obstacles", level="scenario")
     broken = each.loc["GA"].fate == "broken"
     ends = {name: each.loc[name].end[broken] for name in each.index.levels[0]}
     less = {
@@ -400,7 +401,8 @@ def test_the_rule_among_obstacles():
     said = re.search(
         r"Of (\d+) broken trials of (\d+) champions the rule ends right in (\d+) and wrong in (\d+) at .*, "
         r"shuffled signs at theirs in (\S+) and (\S+): right less wrong differs by (\S+) a champion "
-        r"\[(\S+), (\S+)\], p = (\S+)\. At the paper's N it is (\d+) and (\d+)\.",
+        r"\[(\S+), (\S+)\], p = (\S+)\. At the paper's N it is (\d+) and (\d+); "
+        r"random changes as large as the rule's, at its chosen N, end right in (\S+) and wrong in (\S+)\.\n",
         README,
     )
     counts = {name: [(end == which).sum() for which in ("right", "wrong")] for name, end in ends.items()}
@@ -410,7 +412,8 @@ def test_the_rule_among_obstacles():
     assert numbers[4:6] == pytest.approx(shuffled, abs=0.05)
     assert numbers[6:9] == pytest.approx([difference.mean(), low, high], abs=0.02)
     assert numbers[9] == pytest.approx(p, abs=0.02)
-    assert numbers[10:] == counts["Hebbian_0.000015"]
+    assert numbers[10:12] == counts["Hebbian_0.000015"]
+    assert numbers[12:] == pytest.approx(np.mean([counts[f"yoked_sign_{draw}"] for draw in range(5)], axis=0), abs=0.05)
 
 
 ROWS = {  # of the tables of results.md, with their controllers in the sweeps
@@ -438,8 +441,7 @@ def test_the_ends_of_each_control(studies, scenario, fates):
     """Right and wrong ends in the tables of results.md, means over the draws of a control."""
     told = []
     for together, among in zip(studies, fates, strict=True):
-        each = pd.concat([sides_of(study).xs(scenario, level="scenario") for study in together])
-        each = each[~each.index.duplicated()]
+        each = sides_of(*together).xs(scenario, level="scenario")
         name = each.index.get_level_values("controller").str.replace(r"_\d$", "", regex=True)
         draws = pd.Series(each.index.get_level_values("controller")).groupby(name).nunique()
         for fate in among:

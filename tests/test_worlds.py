@@ -295,6 +295,23 @@ def test_the_scale_that_a_note_lists_lets_readings_move():
     assert world(Wide, scale=scale)[0].findings.notes == ()
 
 
+def test_a_note_on_many_readings_lists_no_scale_for_each():
+    class Camera(Sum):
+        observation_space = Box(-np.inf, np.inf, (1000,), np.float64)
+
+        def reset(self, *, seed=None, options=None):
+            return np.repeat(super().reset(seed=seed)[0][:1], 1000) * 0 + 1e6, {}
+
+        def step(self, action):
+            super().step(action)
+            return np.full(1000, 1e6), 0.0, False, False, {}
+
+    (note,) = world(Camera)[0].findings.notes
+    assert "environment.scale" in note
+    assert "1000" in note
+    assert len(note) < 1000
+
+
 def test_no_note_where_readings_move():
     assert world()[0].findings.notes == ()
 

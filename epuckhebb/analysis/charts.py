@@ -303,7 +303,9 @@ def lifetime(course: "pd.DataFrame", title: str, changes: Sequence[int]) -> Figu
     for (name, own), (colour, line) in zip(course.groupby("controller", sort=False), itertools.cycle(SERIES)):
         for axes, column in zip(panels, ("reward", "weight_change"), strict=True):
             axes.plot(own.step, own[column], color=colour, linestyle=line, label=plain(str(name)))
-        panels[0].fill_between(own.step, own.reward_low, own.reward_high, color=colour, alpha=0.15, linewidth=0)
+        panels[0].fill_between(
+            own.step, own.reward_quartile_1, own.reward_quartile_3, color=colour, alpha=0.15, linewidth=0
+        )
     for axes, label in zip(panels, ("mean reward of a step, quartiles", "weight change"), strict=True):
         for step in changes:
             axes.axvline(step, color=INK, linewidth=0.8, linestyle=":")

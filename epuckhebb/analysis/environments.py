@@ -37,7 +37,11 @@ def over_lifetime(names: Sequence[str], lives: Sequence[Lived], horizon: int) ->
                 change = float(np.mean([one.weight_changes[begin:end].mean() for one in there]))
                 step = float(np.mean([one.weight_steps[begin:end].mean() for one in there]))
                 row = {"controller": name, "step": int(end), "alive": len(there) / len(own)}
-                row |= {"reward": float(np.mean(earned)), "reward_low": float(low), "reward_high": float(high)}
+                row |= {
+                    "reward": float(np.mean(earned)),
+                    "reward_quartile_1": float(low),
+                    "reward_quartile_3": float(high),
+                }
                 rows.append(row | {"weight_change": change, "weight_step": step})
     return rows
 

@@ -22,6 +22,7 @@ STEPS = 200  # of a trial
 _APART = 1000  # between the seeds of the episodes of a trial
 _AT_END, _STILL = 0.999, 0.01  # size of a reading at its end, and the range of one that never moves
 _LISTED = 8  # readings in a note
+_TYPED = 40  # readings whose scales somebody may type
 
 
 class Findings(NamedTuple):
@@ -140,7 +141,10 @@ def _readings(read: Reader, *seen: _Seen) -> list[str]:
     texts = [f"readings {those} {what}" for what, those in places.items()]
     is_told = read.is_measured & (largest > 0) & (is_at_end | (high - low < _STILL))
     scale = ",".join(f"{value:.3g}" for value in np.where(is_told, largest, read.scale))
-    return [f"With random actions, {' and '.join(texts)}; try environment.scale=[{scale}]."] if texts else []
+    hint = (
+        f"try environment.scale=[{scale}]" if len(low) <= _TYPED else f"environment.scale may have {len(low)} numbers"
+    )
+    return [f"With random actions, {' and '.join(texts)}; {hint}."] if texts else []
 
 
 def _actions(world: "World") -> list[str]:
