@@ -4,11 +4,15 @@ import os
 import shutil
 import subprocess
 import sys
+import threading
+import time
 from pathlib import Path
 
 import pandas as pd
 import pytest
 from cases import call, done
+
+from epuckhebb.store import Run
 
 MY_RULE = Path(__file__).parents[1] / "examples" / "own_rule" / "my_rules.py"
 CHAMPIONS = Path(__file__).parents[1] / "runs" / "reference" / "champions"
@@ -71,6 +75,38 @@ def test_three_jobs_on_slurm(here, monkeypatch, launcher):
     assert len(submitted) == 1, submitted  # one array of three jobs
     monkeypatch.chdir(here / "out")
     assert sweep_on("basic", here / "out") == table
+
+
+@pytest.mark.slurm
+@pytest.mark.usefixtures("here")
+@pytest.mark.filterwarnings("default")
+def test_a_job_that_slurm_loses_costs_itself_where_there_are_no_accounts(monkeypatch):
+    """One of two evolutions is cancelled: the other one ends, and the same command does the rest."""
+    monkeypatch.setattr("epuckhebb.runs.slurm._LOOK_S", 1.0)
+    monkeypatch.setattr("epuckhebb.runs.slurm._PATIENCE_S", 5.0)
+    few = ["ga.generations=3", "ga.population=10", "ga.loops=1", "lifetime.duration_s=20", "hydra.launcher.mem_gb=1"]
+    words = ["evolve", "-m", "seed=1,2", *few, "hydra/launcher=slurm", "hydra.sweep.dir=out"]
+
+    def cancel():
+        def queued():
+            asked = ["squeue", "--me", "--array", "--noheader", "--format=%i"]
+            return subprocess.run(asked, capture_output=True, text=True, check=True).stdout.split()
+
+        while not any(job.endswith("_1") for job in queued()):
+            time.sleep(0.1)
+        subprocess.run(["scancel", next(job for job in queued() if job.endswith("_1"))], check=True)
+
+    thread = threading.Thread(target=cancel)
+    thread.start()
+    ended = call(*words)
+    thread.join()
+    assert ended.exit_code == 1
+    assert "1 of 2 jobs" in ended.stderr
+    assert "seed=2" in ended.stderr
+    assert Run(Path("out/0")).is_whole
+    done(*words)
+    done("evolve", "-m", "seed=1,2", *few[:-1], "hydra.sweep.dir=alone")
+    assert Path("out/summary.csv").read_bytes() == Path("alone/summary.csv").read_bytes()
 
 
 @pytest.mark.ray

@@ -42,6 +42,7 @@ from epuckhebb.config.catalogue import SEARCH_PATH, USERS, VERSION_BASE, catalog
 from epuckhebb.config.compose import composed_with_hydra
 from epuckhebb.config.resolve import resolve
 from epuckhebb.config.source import folders_of
+from epuckhebb.runs import slurm
 from epuckhebb.runs.jobs import Jobs, LauncherError, Task, names_of_overrides
 from epuckhebb.runtime import (
     ConfigError,
@@ -354,14 +355,18 @@ class _Chosen(Launcher):
         words = [
             [*task.overrides, f"hydra.sweep.subdir={quoted(os.path.relpath(task.path, folder))}"] for task in tasks
         ]
-        try:
-            return [done.return_value for done in self._launcher.launch(words, initial_job_idx=0)]
-        except (BrokenProcessPool, HydraException, OmegaConfBaseException):
-            raise
-        except Exception as error:
-            if is_interruption(error):
-                raise KeyboardInterrupt from error
-            raise LauncherError(f"the launcher stopped: {type(error).__name__}: {error}") from error
+        is_slurm = str(self._config.hydra.launcher._target_).endswith("SlurmLauncher")
+        with slurm.watching(self._config.hydra.launcher.submitit_folder) if is_slurm else nullcontext() as queue:
+            try:
+                return [done.return_value for done in self._launcher.launch(words, initial_job_idx=0)]
+            except (BrokenProcessPool, HydraException, OmegaConfBaseException):
+                raise
+            except Exception as error:
+                if is_interruption(error):
+                    raise KeyboardInterrupt from error
+                if queue and queue.lost:
+                    return [queue.lost.get(place) for place in range(len(tasks))]
+                raise LauncherError(f"the launcher stopped: {type(error).__name__}: {error}") from error
 
 
 @contextmanager

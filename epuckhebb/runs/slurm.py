@@ -1,0 +1,96 @@
+"""What SLURM's queue knows of the jobs of a call: those that wait, and why, and those that are lost.
+
+Submitit asks SLURM's accounts (`sacct`) how a job is. Where SLURM keeps none, submitit waits for ever for a job that
+was cancelled, or whose node was lost. Every SLURM has its queue (`squeue`).
+"""
+
+import pickle
+import subprocess
+import threading
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from epuckhebb.runtime import JobFailedError, say
+
+_LOOK_S = 15.0  # between two looks at the queue
+_PATIENCE_S = 60.0  # from the end of a job to its result, which comes late on a busy file system
+_ANSWER_S = 60.0  # of a busy controller
+_GOES_ON = ("PENDING", "RUNNING", "CONFIGURING", "COMPLETING", "SUSPENDED", "REQUEUED", "RESIZING", "STOPPED")
+_ASK = ["squeue", "--me", "--states=all", "--array", "--noheader", "--format=%i|%T|%r"]
+
+
+@dataclass
+class Queue:
+    """The jobs of a call in SLURM's queue. folder: in which submitit keeps its files of each, below the job's id.
+
+    lost: the errors of jobs that ended without a result, by their places in the array.
+    """
+
+    folder: Path
+    lost: dict[int, JobFailedError] = field(default_factory=dict)
+    _ended: dict[str, float] = field(default_factory=dict)  # when a job without a result was first seen to have ended
+    _said: str = ""
+
+    def __post_init__(self) -> None:
+        """Leave out what calls before this one submitted."""
+        self._before = set(self._submitted())
+
+    def _submitted(self) -> list[str]:
+        return [path.parent.name for path in self.folder.glob("*/*_submitted.pkl")]
+
+    def look(self) -> None:
+        """Say what waits, and let submitit end when all jobs without a result are lost."""
+        jobs = [job for job in self._submitted() if job not in self._before]
+        waited = [job for job in jobs if not self._result(job).exists()]
+        try:
+            asked = subprocess.run(_ASK, capture_output=True, text=True, check=True, timeout=_ANSWER_S).stdout
+        except (OSError, subprocess.SubprocessError):  # the controller is away, for a while
+            return
+        known = {job: (state, reason) for job, state, reason in (line.split("|", 2) for line in asked.splitlines())}
+        self._say(jobs, waited, known)
+        now = time.monotonic()
+        gone = [job for job in waited if known.get(job, ("",))[0] not in _GOES_ON]
+        self._ended = {job: self._ended.get(job, now) for job in gone}
+        if gone and len(gone) == len(waited) and all(now - since > _PATIENCE_S for since in self._ended.values()):
+            for job in gone:
+                state = known.get(job, ("it is no longer in the queue",))[0]
+                error = JobFailedError(f"SLURM ended it without a result: {state}")
+                self.lost[int(job.rpartition("_")[2])] = error
+                self._result(job).write_bytes(pickle.dumps(("error", str(error))))  # as submitit does of one that fails
+
+    def _result(self, job: str) -> Path:
+        return self.folder / job / f"{job}_0_result.pkl"
+
+    def _say(self, jobs: list[str], waited: list[str], known: dict[str, tuple[str, str]]) -> None:
+        """Say how many jobs are in which state, and why some wait, if that has changed."""
+        states = Counter(known[job][0].lower() for job in waited if job in known)
+        reasons = sorted({known[job][1] for job in waited if job in known and known[job][0] == "PENDING"})
+        counts = ", ".join(f"{count} {state}" for state, count in sorted(states.items()))
+        note = counts + (f" ({', '.join(reasons)})" if reasons else "")
+        if counts and note != self._said:
+            self._said = note
+            say(f"SLURM job {jobs[0].partition('_')[0]}: {note}; output in {self.folder}")
+
+
+@contextmanager
+def watching(folders: str) -> Iterator[Queue]:
+    """Time in which jobs that submitit submits are watched in SLURM's queue, by a thread.
+
+    folders: of the jobs, as submitit has them, as `FOLDER/%j`.
+    """
+    queue, is_over = Queue(Path(folders.partition("%")[0])), threading.Event()
+
+    def watch() -> None:
+        while not is_over.wait(_LOOK_S):
+            queue.look()
+
+    watcher = threading.Thread(target=watch, daemon=True)
+    watcher.start()
+    try:
+        yield queue
+    finally:
+        is_over.set()

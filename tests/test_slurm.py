@@ -1,0 +1,60 @@
+"""SLURM's queue as a program that answers `squeue` has it: what waits, and what is lost."""
+
+import pickle
+
+import pytest
+
+from epuckhebb.runs import slurm
+
+
+@pytest.fixture
+def queue(tmp_path, monkeypatch):
+    """A queue of three jobs; `squeue` prints the file `queue`, and nothing is waited for."""
+    monkeypatch.setattr(slurm, "_PATIENCE_S", -1.0)
+    monkeypatch.setattr(slurm, "_ASK", ["cat", str(tmp_path / "queue")])
+    found = slurm.Queue(tmp_path / ".submitit")
+    for job in ("7_0", "7_1", "7_2"):
+        (tmp_path / ".submitit" / job).mkdir(parents=True)
+        (tmp_path / ".submitit" / job / f"{job}_submitted.pkl").touch()
+    return found
+
+
+def answer(queue, *lines):
+    (queue.folder.parent / "queue").write_text("".join(f"{line}\n" for line in lines))
+    queue.look()
+
+
+def end(queue, job):
+    (queue.folder / job / f"{job}_0_result.pkl").write_bytes(b"")
+
+
+def test_what_waits_is_said_with_its_reason_once(queue, capsys):
+    waits = "PENDING|PartitionTimeLimit"
+    for _ in range(2):
+        answer(queue, "7_0|RUNNING|None", f"7_1|{waits}", f"7_2|{waits}", "9|RUNNING|None")
+    assert capsys.readouterr().err.count("2 pending, 1 running (PartitionTimeLimit)") == 1
+
+
+@pytest.mark.parametrize("line", ["7_1|CANCELLED|None", "7_1|NODE_FAIL|None", "9|RUNNING|None"])
+def test_a_lost_job_is_waited_for_until_the_others_are_through(queue, line):
+    end(queue, "7_0")
+    answer(queue, line, "7_2|RUNNING|None")
+    assert not queue.lost
+    end(queue, "7_2")
+    answer(queue, line)
+    assert list(queue.lost) == [1]
+    kind, _ = pickle.loads((queue.folder / "7_1" / "7_1_0_result.pkl").read_bytes())
+    assert kind == "error"
+
+
+def test_a_job_that_waits_again_is_not_lost(queue):
+    for job in ("7_0", "7_2"):
+        end(queue, job)
+    answer(queue, "7_1|REQUEUED|None")
+    answer(queue, "7_1|PENDING|BeginTime")
+    assert not queue.lost
+
+
+def test_a_controller_that_does_not_answer_loses_nothing(queue):
+    queue.look()
+    assert not queue.lost
