@@ -71,7 +71,6 @@ def test_the_report_of_a_leaderboard_is_that_of_its_tables(folder, committed):
     committed(path, leaderboard.markdown(board, worlds, described, tests, text.splitlines()[2], captions))
 
 
-@pytest.mark.skipif(not (REFERENCE / "ends.csv").is_file(), reason="`epuckhebb reproduce all` is to be run again: ends")
 def test_the_report_of_the_reproduction_is_that_of_its_tables(committed):
     path = REFERENCE / "report.md"
     text = path.read_text()
