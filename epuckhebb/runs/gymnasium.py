@@ -10,6 +10,7 @@ import math
 import time
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -54,12 +55,15 @@ def run_lifetimes(
 ) -> list[list[Lived]]:
     """Run lifetimes in so many processes; for each work a list, in the order of its seeds.
 
-    The first work is run here, and so are all others if processes would take longer to start. times: how often as much
+    Those of a compiled environment run in threads. The first work is run here, and so are all others if processes would take longer to start. times: how often as much
     work comes.
     """
     setup = setup_of(config)._replace(is_fresh=config.world.findings.needs_fresh)
     began = time.perf_counter()
     first, works = setup.live(works[0]), works[1:]
+    if config.world.is_compiled(config.judge):
+        with ThreadPoolExecutor(processes) as pool:
+            return [first, *pool.map(setup.live, works)]
     if processes < 2 or not works or (time.perf_counter() - began) * len(works) * times < _WORTH_S:
         return [first, *map(setup.live, works)]
     import cloudpickle  # which Gymnasium brings, and which pickles classes of a notebook, too
