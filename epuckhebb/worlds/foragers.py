@@ -7,7 +7,7 @@
 | innate | green items, in summer and in winter: 0 on average, and nobody who cannot learn gets more |
 
 All move alike: to food if it is ahead or to a side; else where nothing is, mostly on; else against the wall, which turns
-them. Among items that are no food, they eat one now and then, or they would stay there for ever.
+them; else on. They slip as every robot does.
 """
 
 from collections.abc import Callable
@@ -15,13 +15,12 @@ from collections.abc import Callable
 import numpy as np
 
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.random import Stream, rng
-from epuckhebb.worlds.foraging import Foraging, is_summer
+from epuckhebb.worlds.foraging import EATEN, Foraging, is_summer
 
-_TURNS = 0.05  # share of the steps without food with a turn, so that no forager walks in a circle
-_ESCAPES = 0.2  # share of the steps with no free cell in which it eats what it finds
 GREEN, BLUE = range(2)
 LEFT, AHEAD, RIGHT = range(3)
+
+_TURN = 8  # steps from one turn without need to the next, one to the left, one to the right
 
 Belief = Callable[[Foraging, int, int | None], int]  # what is food now, from what was so far and what eating has told
 
@@ -34,27 +33,24 @@ FORAGERS: dict[str, Belief] = {
 
 def earned(world: Foraging, forager: str, seed: int, steps: int) -> Floats:
     """The rewards of a scripted forager, (steps,), in a lifetime of this seed."""
-    believe, drawn = FORAGERS[forager], rng(seed, Stream.environment_check)
+    believe = FORAGERS[forager]
     (readings, _), belief, told, rewards = world.reset(seed=seed), GREEN, None, np.zeros(steps)
     for step in range(steps):
         belief = believe(world, belief, told)
-        way = _way(readings, belief, drawn)
-        eaten = GREEN if readings[2 * way] > 0 else BLUE
-        readings, reward, *_ = world.step(way)
-        told = None if reward == 0 else eaten if reward > 0 else 1 - eaten
+        readings, reward, *_ = world.step(_way(readings, belief, step))
+        colour = GREEN if world.state.robot[EATEN] <= world.items else BLUE
+        told = None if reward == 0 else colour if reward > 0 else 1 - colour
         rewards[step] = reward
     return rewards
 
 
-def _way(readings: Floats, food: int, drawn: np.random.Generator) -> int:
+def _way(readings: Floats, food: int, step: int) -> int:
     """Where to go. readings: (6,), green and blue of the cells to the left, ahead and to the right."""
     cells = readings.reshape(3, 2) > 0
     is_food, is_wall, is_empty = cells[:, food] & ~cells[:, 1 - food], cells.all(axis=1), ~cells.any(axis=1)
-    sides = [LEFT, RIGHT] if drawn.random() < 0.5 else [RIGHT, LEFT]
-    order = [*sides, AHEAD] if drawn.random() < _TURNS else [AHEAD, *sides]
-    is_stuck = not (is_food | is_empty).any() and drawn.random() < _ESCAPES
-    choices = (~is_wall,) if is_stuck else (is_food, is_empty, is_wall)
-    return next((way for those in choices for way in order if those[way]), AHEAD)
+    sides = (LEFT, RIGHT) if step // _TURN % 2 else (RIGHT, LEFT)
+    order = (AHEAD, *sides) if step % _TURN else (*sides, AHEAD)
+    return next((way for those in (is_food, is_empty, is_wall) for way in order if those[way]), AHEAD)
 
 
 def by_season(rewards: Floats, season: int) -> Floats:

@@ -3,11 +3,13 @@
     summer: +1 for a green item, -1 for a blue one      winter: the reverse
 
 Each step the robot senses the cells to its left, ahead and to its right, turns left, goes on or turns right, and moves
-by one cell, unless there is the wall. An item that it enters is eaten, and appears elsewhere. A controller that cannot
-learn gets 0 on average: each lifetime begins with a summer or with a winter, which is drawn.
+by one cell, unless there is the wall. An item that it enters is eaten, and appears elsewhere. In a few steps it slips: it
+turns or goes on by chance, else a controller without noise would sooner or later go in circles for ever. A controller
+that cannot learn gets 0 on average: each lifetime begins with a summer or with a winter, which is drawn.
 
 After Yaman, Iacca, Mocanu, Coler, Fletcher & Pechenizkiy, Evolving plasticity for autonomous learning under changing
-environmental conditions, Evolutionary Computation 29, 2021 (arXiv 1904.01709). There, SOURCE. The numbers here are ours.
+environmental conditions, Evolutionary Computation 29, 2021 (arXiv 1904.01709). The numbers are ours: with them,
+win-stay lose-shift earns more than half of what one earns who knows the season (`epuckhebb.worlds.foragers`).
 """
 
 from dataclasses import dataclass
@@ -26,14 +28,14 @@ from epuckhebb.worlds.compiled import Compiled
 ID = "epuckhebb/Foraging-v0"
 _PIXELS = 16  # of a cell, in a picture
 _COLOURS = {"ground": (245, 245, 240), "green": (0, 158, 115), "blue": (0, 114, 178), "robot": (40, 40, 40)}
-ROW, COLUMN, HEADING, STEP, SEASON = range(5)  # of a robot; headings are 0 up, 1 right, 2 down, 3 left
+ROW, COLUMN, HEADING, STEP, SEASON, EATEN = range(6)  # of a robot; headings are 0 up, 1 right, 2 down, 3 left
 
 
 class Field(NamedTuple):
     """What a lifetime carries.
 
     cells: (size, size), 0 or the number of an item, from 1; the first half of them are green. places: row and column of
-    each item, (items, 2). robot: (5,) whole numbers.
+    each item, (items, 2). robot: (6,) whole numbers; EATEN is the item of the last step, or 0.
     """
 
     cells: NDArray[np.int64]
@@ -87,7 +89,7 @@ class Foraging(Compiled):
     """A field with items, whose colours change places with the season.
 
     size: cells of a side. items: of each colour. season: its steps. summer_first: chance that a lifetime begins with a
-    summer. winter: whether there are winters. moving: chance of an item to move by a cell, in each step.
+    summer. slip: chance of a step that is drawn. winter: whether there are winters. moving: chance of an item to move by a cell, in each step.
     """
 
     readings: ClassVar = tuple(f"{side}_{colour}" for side in ("left", "ahead", "right") for colour in ("green", "blue"))
@@ -97,6 +99,7 @@ class Foraging(Compiled):
     items: int = within(1, default=30)
     season: int = within(1, default=500)
     summer_first: float = within(0, 1, default=0.5)
+    slip: float = within(0, 1, default=0.05)
     winter: bool = True
     moving: float = within(0, 1, default=0.0)
 
@@ -110,7 +113,7 @@ class Foraging(Compiled):
     def start(self) -> Field:
         """What a lifetime carries, all zero."""
         cells, places = np.zeros((self.size, self.size), np.int64), np.zeros((2 * self.items, 2), np.int64)
-        return Field(cells, places, np.zeros(5, np.int64))
+        return Field(cells, places, np.zeros(6, np.int64))
 
     @staticmethod
     def begin(field: Field, by: Any, random: NDArray[np.uint64]) -> None:
@@ -135,11 +138,14 @@ class Foraging(Compiled):
     def move(field: Field, by: Any, action: int, random: NDArray[np.uint64]) -> float:
         """Turn left (0), go on (1) or turn right (2), and move by a cell; the reward is that of an item eaten."""
         robot, half, reward = field.robot, field.places.shape[0] // 2, 0.0
+        if draw(random) < by.slip:
+            action = below(3, random)
         robot[HEADING] = (robot[HEADING] + action + 3) % 4
+        robot[EATEN] = 0
         row, column = beside(robot[ROW], robot[COLUMN], robot[HEADING])
         if is_inside(field, row, column):
             robot[ROW], robot[COLUMN] = row, column
-            item = field.cells[row, column]
+            robot[EATEN] = item = field.cells[row, column]
             if item > 0:
                 reward = 1.0 if (item <= half) == is_summer(robot, by.season, by.winter) else -1.0
                 field.cells[row, column] = 0
