@@ -206,9 +206,16 @@ class Gymnasium(World):
         table = analysis.table(pd.DataFrame(rows))
         write("lifetime.csv", course)
         write("table.csv", table)
-        below = [*self.notes(genome), *(analysis.unreached(table) if environment.changes else ())]
+        below = [*self._yardsticks(), *self.notes(genome), *(analysis.unreached(table) if environment.changes else ())]
         write("table.md", "\n".join([analysis.readable(table).markdown(), *(f"{plain(note)}\n" for note in below)]))
         return {"lifetime": (pd.DataFrame(course),)}
+
+    def _yardsticks(self) -> list[str]:
+        """What scripted controllers earn in the same lifetimes, in a line, of an environment that has some."""
+        config = self.config
+        seeds = [seed_of(config.seed, Stream.evaluation_noise, repeat) for repeat in range(config.repeats)]
+        means = [f"{name} {value:.1f}" for name, value in config.world.yardsticks(seeds).items()]
+        return [f"Scripted, in the same lifetimes: {', '.join(means)}."] if means else []
 
     def table(self, rows: Rows, recorded: list[Lived]) -> Any:  # noqa: ARG002  # the maze needs it
         """A row for each controller: means, with intervals of returns."""

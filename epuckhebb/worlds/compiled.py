@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from epuckhebb.controller import random as counters
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.errors import explained
-from epuckhebb.controller.compiling.kernel import compiled, kernel, with_parts, written
+from epuckhebb.controller.compiling.kernel import compiled, kernel, written
 from epuckhebb.controller.controller import Controller, State, step_parts
 from epuckhebb.controller.network import Network
-from epuckhebb.controller.own_class import building_block, namedtuple_of, number
+from epuckhebb.controller.own_class import building_block, namedtuple_of, number, own_of
 from epuckhebb.controller.plasticity.rule import Rule, Schedule, schedule_of
 from epuckhebb.controller.random import Stream
 from epuckhebb.controller.ranges import check
@@ -33,8 +33,8 @@ _PIECE = 256  # steps whose weights are kept at a time, where changes of the wei
 _PICTURES = "rgb_array"
 
 _part: Any = None
-READINGS, CHOICES, MOTORS, READS_REWARD, LEARNS_AFTER, FIRST = 0, 0, 0, False, False, 0
-begin = look = move = decide = update = _part  # parts, which `_parts` and `_kernel` put here
+READINGS, READS_REWARD, LEARNS_AFTER = 0, False, False
+begin = look = move = act = decide = update = _part  # parts, which `_parts` and `_kernel` put here
 
 
 class Readings(gymnasium.spaces.Box):
@@ -105,6 +105,10 @@ class Compiled(gymnasium.Env[Floats, Any]):
     def picture(self) -> NDArray[np.uint8]:
         """What `self.state` looks like, (height, width, 3)."""
         raise NotImplementedError(f"{type(self).__name__} has no `picture`")
+
+    def yardsticks(self, seeds: Sequence[int], steps: int) -> Mapping[str, float]:  # noqa: ARG002  # a subclass has some
+        """What scripted controllers earn in lifetimes of so many steps: the mean return over these seeds, by name."""
+        return {}
 
     @classmethod
     def settings(cls) -> tuple[str, ...]:
@@ -195,8 +199,8 @@ class Compiled(gymnasium.Env[Floats, Any]):
         try:
             return function(*arguments)
         except Exception as error:  # of numba, or of an index beyond an array
-            kinds = [] if part is None else [type(part.rule), type(part.network.wiring)]
-            raise explained([type(self), *(kind for kind in kinds if hasattr(kind, "KEY"))], error) from error
+            others = [] if part is None else own_of([part.rule, part.network.wiring])
+            raise explained([type(self), *others], error) from error
 
 
 def _random(seed: int) -> NDArray[np.uint64]:
@@ -245,7 +249,7 @@ def _live(
         if not LEARNS_AFTER:
             fitness = live_fitness(before, terms.full, terms.neutral)
             update(life, terms.numbers, rate, terms.floor, fitness, terms.step_s, terms.key, step)
-        reward = rewards[step] = move(state, numbers, _action(activation), random)
+        reward = rewards[step] = act(state, numbers, activation, random)
         if LEARNS_AFTER:
             if READS_REWARD:
                 activation[READINGS] = reward_reading(reward, terms.full) * alive[READINGS]
@@ -257,20 +261,14 @@ def _live(
                 kept[step - first + 1, k] = life.weights[k]
 
 
-def _choice(activation: Floats) -> int:
-    """The place of the largest output, the first of several."""
+@compiled
+def _choice(activation: Floats, first: int, count: int) -> int:
+    """The number of the largest output, the first of several."""
     best = 0
-    for k in range(1, CHOICES):
-        if activation[FIRST + k] > activation[FIRST + best]:
+    for k in range(1, count):
+        if activation[first + k] > activation[first + best]:
             best = k
     return best
-
-
-def _outputs(activation: Floats) -> Floats:
-    return activation[FIRST : FIRST + MOTORS]
-
-
-_action: Any = _choice
 
 
 @cache
@@ -305,14 +303,16 @@ def _kernel(
     learns_after: bool,
 ) -> Any:
     """A lifetime in an environment with a rule and a network, as machine code."""
-    sizes = {"CHOICES": len(kind.actions), "MOTORS": len(kind.motors), "FIRST": network.first_output}
+    parts, first, count = _parts(kind), network.first_output, network.outputs
+    action = f"choice(activation, {first}, {count})" if kind.actions else f"activation[{first} : {first + count}]"
+    act = f"move(state, numbers, {action}, random)"
     return kernel(
         _live,
         (kind, rule, network, schedule, reads_reward, learns_after),
-        **_parts(kind),
+        **parts,
         **step_parts(rule, network, schedule),
         READINGS=len(kind.readings),
         READS_REWARD=reads_reward,
         LEARNS_AFTER=learns_after,
-        _action=compiled(with_parts(_choice if kind.actions else _outputs, sizes)),
+        act=written("state, numbers, activation, random", act, {"move": parts["move"], "choice": _choice}),
     )

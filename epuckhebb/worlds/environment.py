@@ -186,6 +186,11 @@ class World:
         is_plain = not names & {*CHANGES, FUNCTION} and self.settings.reward_weights is None
         return self._compiled is not None and is_plain and not self._kept(judge)
 
+    def yardsticks(self, seeds: Sequence[int]) -> Mapping[str, float]:
+        """What scripted controllers earn in lifetimes without changes, the mean return by name; of few environments."""
+        env = None if self.changes else self._compiled
+        return {} if env is None else env.yardsticks(seeds, self.settings.horizon)
+
     @staticmethod
     def _kept(judge: Any) -> set[str]:
         """What of each step must be kept for a fitness of the user's."""

@@ -12,6 +12,7 @@ environmental conditions, Evolutionary Computation 29, 2021 (arXiv 1904.01709). 
 win-stay lose-shift earns more than half of what one earns who knows the season (`epuckhebb.worlds.foragers`).
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
@@ -92,7 +93,9 @@ class Foraging(Compiled):
     summer. slip: chance of a step that is drawn. winter: whether there are winters. moving: chance of an item to move by a cell, in each step.
     """
 
-    readings: ClassVar = tuple(f"{side}_{colour}" for side in ("left", "ahead", "right") for colour in ("green", "blue"))
+    readings: ClassVar = tuple(
+        f"{side}_{colour}" for side in ("left", "ahead", "right") for colour in ("green", "blue")
+    )
     actions: ClassVar = ("left", "ahead", "right")
 
     size: int = within(3, 1000, default=20)
@@ -108,7 +111,9 @@ class Foraging(Compiled):
         super().__post_init__()
         if 4 * self.items > self.size**2:  # else a free place is hard to find
             most = self.size**2 // 4
-            raise ValueError(f"environment.options.items must be {most} or less with size={self.size}, got {self.items}")
+            raise ValueError(
+                f"environment.options.items must be {most} or less with size={self.size}, got {self.items}"
+            )
 
     def start(self) -> Field:
         """What a lifetime carries, all zero."""
@@ -154,6 +159,12 @@ class Foraging(Compiled):
             wander(field, by.moving, random)
         robot[STEP] += 1
         return reward
+
+    def yardsticks(self, seeds: Sequence[int], steps: int) -> Mapping[str, float]:
+        """What the scripted foragers earn, the mean return by name."""
+        from epuckhebb.worlds.foragers import FORAGERS, earned
+
+        return {name: float(np.mean([earned(self, name, seed, steps).sum() for seed in seeds])) for name in FORAGERS}
 
     def picture(self) -> NDArray[np.uint8]:
         """The field from above; the robot has a light nose."""
