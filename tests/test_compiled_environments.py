@@ -40,16 +40,16 @@ class Balance(Compiled):
         return (np.zeros(2),)
 
     @staticmethod
-    def begin(state, by, random):
+    def begin(state, random):
         state[0][0] = draw(random) - 0.5
 
     @staticmethod
-    def look(state, by, readings):
+    def look(state, readings):
         readings[0], readings[1] = np.tanh(state[0][0]), state[0][1]
 
     @staticmethod
-    def move(state, by, outputs, random):
-        state[0][1] = (outputs[0] - outputs[1]) / 2
+    def move(state, by, action, random):
+        state[0][1] = (action[0] - action[1]) / 2
         state[0][0] += by.drift * (draw(random) - 0.5) + 0.2 * state[0][1]
         return 1.0 - abs(state[0][by.reach - 2])
 
@@ -89,7 +89,7 @@ def test_a_compiled_lifetime_is_that_of_its_steps(changes, frozen, monkeypatch):
 
 
 def test_motors_and_weights_that_change_before_the_move(monkeypatch):
-    world = World(settings=Environment(name="balance", horizon=300), make=lambda **more: Balance(**more))
+    world = World(settings=Environment(name="balance", horizon=300), make=Balance)
     network = Network((2, 3, 2))
     genes = np.random.default_rng(1).uniform(-1, 1, network.synapses)
     fast, slow = lived_both_ways(world, Controller(genes, network, Paper(N=0.01, signal="reward")), monkeypatch)

@@ -55,8 +55,8 @@ def run_lifetimes(
 ) -> list[list[Lived]]:
     """Run lifetimes in so many processes; for each work a list, in the order of its seeds.
 
-    Those of a compiled environment run in threads. The first work is run here, and so are all others if processes would take longer to start. times: how often as much
-    work comes.
+    Those of a compiled environment run in threads. The first work is run here, and so are all others if processes would
+    take longer to start. times: how often as much work comes.
     """
     setup = setup_of(config)._replace(is_fresh=config.world.findings.needs_fresh)
     began = time.perf_counter()

@@ -4,6 +4,7 @@ A class with three functions, `begin`, `look` and `move`, is an environment of G
 with a controller runs in one call of machine code. Both give the same numbers, to the bit.
 """
 
+import inspect
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cache
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from epuckhebb.controller import random as counters
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.errors import explained
-from epuckhebb.controller.compiling.kernel import compiled, kernel, written
+from epuckhebb.controller.compiling.kernel import SameTypes, compiled, kernel, written
 from epuckhebb.controller.controller import Controller, State, step_parts
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import building_block, namedtuple_of, number, own_of
@@ -63,9 +64,9 @@ class Compiled(gymnasium.Env[Floats, Any]):
     A subclass is a dataclass with `kw_only=True, eq=False`; its fields that are numbers are settings, `by`, and keys
     `environment.options.NAME`. It names its `readings`, and its `actions`, of which the network chooses one in each
     step (the largest output, the first of several), or its `motors`, which get outputs from -1 to 1. A method makes
-    what a lifetime carries, and three static methods work on it:
+    what a lifetime carries, and three static methods work on it, with any of these arguments:
 
-        start(self)                          a tuple of arrays, which `begin` gets full of zeros
+        start(self)                          a tuple of arrays, which `begin` gets as they are
         begin(state, by, random)             before the first step
         look(state, by, readings)            fills the readings, -1 to 1
         move(state, by, action, random)      one step; returns its reward. action: number of the choice, or the outputs
@@ -91,12 +92,16 @@ class Compiled(gymnasium.Env[Floats, Any]):
         """Check the settings."""
         check(self, "environment.options")
         self.numbers()
-        self.observation_space = Readings(self.readings)
+        self.observation_space: Any = Readings(self.readings)
         self.action_space = (
             gymnasium.spaces.Discrete(len(self.actions))
             if self.actions
             else gymnasium.spaces.Box(-1.0, 1.0, (len(self.motors),), np.float64)
         )
+
+    @property
+    def _kind(self) -> Any:
+        return type(self)
 
     def start(self) -> Any:
         """What a lifetime carries, a tuple of arrays of zeros."""
@@ -113,12 +118,12 @@ class Compiled(gymnasium.Env[Floats, Any]):
     @classmethod
     def settings(cls) -> tuple[str, ...]:
         """The names of the settings that are numbers, in the order in which the functions have them."""
-        return tuple(field.name for field in fields(cls) if isinstance(field.default, bool | int | float))
+        return tuple(_kinds(cls))
 
     def numbers(self) -> tuple[Any, ...]:
         """The settings that are numbers, of the kinds of their defaults; a ValueError if one is of another kind."""
-        kinds = {field.name: type(field.default) for field in fields(self)}
-        values = {name: kinds[name](getattr(self, name)) for name in self.settings()}
+        kinds = _kinds(self._kind)
+        values = {name: kind(getattr(self, name)) for name, kind in kinds.items()}
         for name, value in values.items():
             if value != getattr(self, name):
                 whole = "true or false" if kinds[name] is bool else "a whole number"
@@ -130,14 +135,15 @@ class Compiled(gymnasium.Env[Floats, Any]):
         super().reset(seed=seed, options=options)
         seed = int(self.np_random.integers(2**31)) if seed is None else seed
         self.state, self._random, readings = self.start(), _random(seed), np.zeros(len(self.readings))
-        self._call(_steps(type(self))[0], self.state, self.numbers(), self._random, readings)
+        self._call(_steps(self._kind)[0], self.state, self.numbers(), self._random, readings)
         return readings, {}
 
     def step(self, action: Any) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
         """Take one step."""
-        taken, readings = int(action) if self.actions else np.array(action, np.float64), np.zeros(len(self.readings))
-        reward = self._call(_steps(type(self))[1], self.state, self.numbers(), self._random, taken, readings)
-        return readings, float(reward), False, False, {}
+        taken = int(action) if self.actions else np.array(action, np.float64)
+        readings, rewards = np.zeros(len(self.readings)), np.zeros(1)
+        self._call(_steps(self._kind)[1], self.state, self.numbers(), self._random, taken, readings, rewards)
+        return readings, float(rewards[0]), False, False, {}
 
     def render(self) -> Any:
         """What the state looks like, (height, width, 3), where pictures were asked for."""
@@ -160,9 +166,10 @@ class Compiled(gymnasium.Env[Floats, Any]):
         """
         settings, network = world.settings, controller.network
         horizon, inputs = settings.horizon, network.inputs
+        rule: Any = type(controller.rule)
         live = _kernel(
-            type(self),
-            type(controller.rule),
+            self._kind,
+            rule,
             network,
             schedule_of(controller.rule),
             settings.reads_reward,
@@ -195,12 +202,18 @@ class Compiled(gymnasium.Env[Floats, Any]):
         controller.steps = horizon
         return rewards, weight_changes, weight_steps
 
-    def _call(self, function: Any, *arguments: Any, part: Controller | None = None) -> Any:
+    def _call(self, function: Any, *arguments: Any, part: Controller | None = None) -> None:
         try:
-            return function(*arguments)
+            function.call(*arguments)
         except Exception as error:  # of numba, or of an index beyond an array
             others = [] if part is None else own_of([part.rule, part.network.wiring])
             raise explained([type(self), *others], error) from error
+
+
+@cache
+def _kinds(kind: Any) -> dict[str, Any]:
+    """The kind of each setting that is a number: that of its default."""
+    return {one.name: type(one.default) for one in fields(kind) if isinstance(one.default, bool | int | float)}
 
 
 def _random(seed: int) -> NDArray[np.uint64]:
@@ -212,10 +225,9 @@ def _enter(state: Any, numbers: Any, random: NDArray[np.uint64], readings: Float
     look(state, numbers, readings)
 
 
-def _go(state: Any, numbers: Any, random: NDArray[np.uint64], action: Any, readings: Floats) -> float:
-    reward: float = move(state, numbers, action, random)
+def _go(state: Any, numbers: Any, random: NDArray[np.uint64], action: Any, readings: Floats, rewards: Floats) -> None:
+    rewards[0] = move(state, numbers, action, random)
     look(state, numbers, readings)
-    return reward
 
 
 def _live(
@@ -272,30 +284,39 @@ def _choice(activation: Floats, first: int, count: int) -> int:
 
 
 @cache
-def _parts(kind: type[Compiled]) -> dict[str, Any]:
+def _parts(kind: Any) -> dict[str, Any]:
     """The functions of a class as parts of kernels, with its settings by name."""
-    names = {
-        "By": namedtuple_of("By", kind.settings()),
-        "number": number,
-        **{name: building_block(getattr(kind, name)) for name in ("begin", "look", "move")},
-    }
+    begin = _called(kind, "begin", "state, numbers, random")
+    look = _called(kind, "look", "state, numbers, readings")
+    move = _called(kind, "move", "state, numbers, action, random")
+    given = "state, numbers, action, random"
     return {
-        "begin": written("state, numbers, random", "begin(state, By(*numbers), random)", names),
-        "look": written("state, numbers, readings", "look(state, By(*numbers), readings)", names),
-        "move": written("state, numbers, action, random", "number(move(state, By(*numbers), action, random))", names),
+        "begin": begin,
+        "look": look,
+        "move": written(given, f"number(move({given}))", {"number": number, "move": move}),
     }
+
+
+def _called(kind: type[Compiled], name: str, given: str) -> Any:
+    """A building block with the arguments `given`, which calls a function of a class with those that it has."""
+    function, known = getattr(kind, name), given.replace("numbers", "by").split(", ")
+    names = list(inspect.signature(function).parameters)
+    if unknown := [name for name in names if name not in known]:
+        raise ValueError(f"{kind.__name__}: `{name}` takes {', '.join(unknown)}; known are {', '.join(known)}")
+    call = f"function({', '.join('By(*numbers)' if name == 'by' else name for name in names)})"
+    return written(given, call, {"function": building_block(function), "By": namedtuple_of("By", kind.settings())})
 
 
 @cache
-def _steps(kind: type[Compiled]) -> tuple[Any, Any]:
+def _steps(kind: Any) -> tuple[Any, Any]:
     """The first look, and a step, as machine code."""
     parts = _parts(kind)
-    return kernel(_enter, (kind, "enter"), **parts), kernel(_go, (kind, "go"), **parts)
+    return SameTypes(kernel(_enter, (kind, "enter"), **parts)), SameTypes(kernel(_go, (kind, "go"), **parts))
 
 
 @cache
 def _kernel(
-    kind: type[Compiled],
+    kind: Any,
     rule: type[Rule],
     network: Network,
     schedule: Schedule,
@@ -306,7 +327,7 @@ def _kernel(
     parts, first, count = _parts(kind), network.first_output, network.outputs
     action = f"choice(activation, {first}, {count})" if kind.actions else f"activation[{first} : {first + count}]"
     act = f"move(state, numbers, {action}, random)"
-    return kernel(
+    made = kernel(
         _live,
         (kind, rule, network, schedule, reads_reward, learns_after),
         **parts,
@@ -316,3 +337,4 @@ def _kernel(
         LEARNS_AFTER=learns_after,
         act=written("state, numbers, activation, random", act, {"move": parts["move"], "choice": _choice}),
     )
+    return SameTypes(made)

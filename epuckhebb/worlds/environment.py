@@ -43,10 +43,10 @@ class Environment:
     each; None: from their bounds. reward_scale: reward of a step at which the live fitness is 1. neutral_fitness: the
     live fitness of a step without reward. reads_reward: whether the reward of the step before is one more reading, the
     last. learns_after_move: whether the weights change after a move, with its own reward, or before it, with that of
-    the step before. reward_weights: of a reward that is several numbers; None: it is one. step_s: length of a step [s], for what has time constants. changes:
-    each `{at: STEP, NAME: VALUE}`; change: their name, of those in `named`. hidden: sizes of the hidden layers.
-    population, generations, loops: of an evolution, with so many lifetimes of an individual. processes: 0 for one on
-    each core.
+    the step before. reward_weights: of a reward that is several numbers; None: it is one. step_s: length of a step [s],
+    for what has time constants. changes: each `{at: STEP, NAME: VALUE}`; change: their name, of those in `named`.
+    hidden: sizes of the hidden layers. population, generations, loops: of an evolution, with so many lifetimes of an
+    individual. processes: 0 for one on each core.
     """
 
     name: str = ""

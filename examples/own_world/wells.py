@@ -1,4 +1,4 @@
-"""A world of your own: a corridor with a well at each end. One of them gives water; after a while, the other one does."""
+"""A world of your own: a corridor with a well at each end. One gives water; after a while, the other does."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -31,7 +31,7 @@ class Wells(Compiled):
         return (np.zeros(4),)
 
     @staticmethod
-    def begin(state, by, random):
+    def begin(state, random):
         robot = state[0]
         robot[GIVES] = 1.0 if draw(random) < 0.5 else -1.0
 
