@@ -118,7 +118,8 @@ class Compiled(gymnasium.Env[Floats, Any]):
     @classmethod
     def settings(cls) -> tuple[str, ...]:
         """The names of the settings that are numbers, in the order in which the functions have them."""
-        return tuple(_kinds(cls))
+        kind: Any = cls
+        return tuple(_kinds(kind))
 
     def numbers(self) -> tuple[Any, ...]:
         """The settings that are numbers, of the kinds of their defaults; a ValueError if one is of another kind."""
