@@ -1,6 +1,6 @@
 """The robot as an environment of Gymnasium, for reinforcement learning: `pip install "epuckhebb[gym]"`.
 
-    import epuckhebb.gym  # registers the environment
+    import epuckhebb.gym  # registers the environment, and epuckhebb/Foraging-v0
     env = gymnasium.make("epuckhebb/TMaze-v0", scenario="base", reward="fitness")
 
 An observation is the sensor readings of the next control step, an action the outputs for the left and the right wheel.
@@ -14,6 +14,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
+import epuckhebb.worlds.foraging  # noqa: F401  # registers it
 from epuckhebb.config import EvolveConfig, load, overrides_of, values_of
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.network import PAPER_NETWORK, WEIGHT_LIMIT, GivenOutputs, Network

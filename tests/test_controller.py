@@ -95,6 +95,22 @@ def test_a_lifetime_begins_anew_and_a_rate_of_0_freezes_the_weights():
     np.testing.assert_array_equal(controller.weights, other)
 
 
+def test_to_decide_and_to_learn_are_to_act():
+    """In two halves, the reward of this step's own move can teach it."""
+    network, rule = Network((3, 4, 2)), Hebbian(N=0.01)
+    genes = np.random.default_rng(2).uniform(-1, 1, network.synapses)
+    whole, halves, late = (Controller(genes, network, rule) for _ in range(3))
+    for step, observation in enumerate(np.random.default_rng(3).uniform(-1, 1, (20, 3))):
+        outputs = whole.act(observation, step / 20)
+        np.testing.assert_array_equal(halves.decide(observation), outputs)
+        late.decide(observation)
+        halves.learn(step / 20)
+        late.learn(step / 20, 0.5)
+    np.testing.assert_array_equal(halves.weights, whole.weights)
+    assert halves.weight_change_mean == whole.weight_change_mean
+    assert not np.array_equal(late.weights, whole.weights)
+
+
 def test_wirings_have_as_many_outputs_as_the_network_needs():
     network = Network((3, 5, 4), wiring=Elman(hidden=5, outputs=4))
     assert Controller(np.ones(network.synapses), network).act(np.ones(3)).shape == (4,)

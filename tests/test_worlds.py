@@ -208,6 +208,46 @@ def test_a_reward_of_several_numbers_is_their_weighted_sum():
             made.check()
 
 
+class Told:
+    """Stands for a controller, and keeps what it is told."""
+
+    weights, weight_change, weight_change_mean, saturated_fraction, rate = np.zeros(1), 0.0, 0.0, 0.0, 1.0
+
+    def __init__(self):
+        self.seen, self.learnt = [], []
+
+    def reset(self, seed):
+        pass
+
+    def check(self):
+        pass
+
+    def decide(self, readings):
+        self.seen.append(readings)
+        return np.array([len(self.seen) / 10])
+
+    def act(self, readings, fitness):
+        self.learnt.append(fitness)
+        return self.decide(readings)
+
+    def learn(self, fitness, reading=None):
+        self.learnt.append((fitness, reading))
+
+
+def test_a_reward_may_be_a_reading_and_may_teach_the_move_that_brought_it():
+    dead = [{"at": 2, "dead_readings": ["reward"]}]
+    made, _ = world(horizon=3, reads_reward=True, learns_after_move=True, neutral_fitness=0.7, changes=dead)
+    assert (made.inputs, made.read.names[-1]) == (4, "reward")
+    told = Told()
+    made.live(told, 1)  # the rewards are .1, .2 and .3
+    np.testing.assert_allclose([readings[3] for readings in told.seen], [0.0, 0.1, 0.0])
+    np.testing.assert_allclose(told.learnt, [(0.73, 0.1), (0.76, 0.2), (0.79, 0.0)])
+    made, _ = world(horizon=3, neutral_fitness=0.5, reward_scale=0.1)
+    made.live(told := Told(), 1)
+    np.testing.assert_allclose(told.learnt, [0.5, 1.0, 1.0])
+    assert len(told.seen[0]) == 3
+
+
 NESTED = Dict(
     {
         "where": Tuple((Box(-2.0, 2.0, (2, 2), np.float64), Discrete(3, start=-1))),

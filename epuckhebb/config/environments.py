@@ -192,12 +192,12 @@ def _network(world: World, made: Layers | Wiring) -> Network:
     """The network between the readings and the outputs of a world."""
     if isinstance(made, Wiring):
         wiring = replace(made, outputs=world.outputs)
-        return Network((world.inputs, *wiring.sizes), wiring=wiring)
+        return Network((world.inputs, *wiring.sizes), world.settings.reads_reward, wiring)
     layers = made.layers or (world.inputs, *world.settings.hidden, world.outputs)
     if (layers[0], layers[-1]) != (world.inputs, world.outputs):
         ends = f"{world.inputs} and end with {world.outputs}, the readings and outputs of environment {world.name}"
         raise ValueError(f"network.layers must begin with {ends}, got {list(layers)}")
-    return Network(tuple(layers))
+    return Network(tuple(layers), world.settings.reads_reward)
 
 
 def environment_of_run(genome: str) -> dict[str, Any]:

@@ -5,7 +5,8 @@
     controller.reset(seed=1)
     outputs = controller.act(observation, reward)     # of any world
 
-The step is compiled: forward pass, then the update of the weights, which is in force from the next step on.
+The step is compiled: forward pass, then the update of the weights, which is in force from the next step on. Where the
+weights shall change after the move, `decide` and `learn` are the two halves of `act`.
 """
 
 from typing import Any, NamedTuple
@@ -15,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.errors import PartError, explained
-from epuckhebb.controller.compiling.kernel import SameTypes, kernel
+from epuckhebb.controller.compiling.kernel import SameTypes, compiled, kernel, with_parts
 from epuckhebb.controller.compiling.readonly import readonly, with_arrays
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.genotype import Genotype, initial_states
@@ -37,12 +38,12 @@ from epuckhebb.controller.wiring import Neurons
 
 _part: Any = None
 HAS_RULE, SUBSTEPS = False, 1
-forward = average = modulate = is_due = learn = _part  # parts, which `_kernel_of` puts here
+forward = average = modulate = is_due = learn = decide = update = _part  # parts, which `step_parts` puts here
 _kernels: dict[tuple[object, ...], Any] = {}
 _NO_GAIN = 0.0  # rad/s: there are no wheels whose gain could be another than in training
 
 
-class _State(NamedTuple):
+class State(NamedTuple):
     """What a lifetime carries. tally: the present weight change, and its sum over the steps."""
 
     genotype: Genotype
@@ -55,8 +56,14 @@ class _State(NamedTuple):
     workspace: Workspace
 
 
-def _step(
-    state: _State,
+def _decide(state: State) -> None:
+    """Act. The inputs stand among the activations."""
+    workspace = state.workspace
+    forward(state.weights, state.activation, workspace.drive, state.neurons, workspace.substeps)
+
+
+def _update(
+    state: State,
     numbers: tuple[float, ...],
     rate: float,
     floor: float,
@@ -65,9 +72,8 @@ def _step(
     key: np.uint64,
     step: int,
 ) -> None:
-    """Act, then learn. rate: N. fitness: the live fitness F. The inputs stand among the activations."""
+    """Learn. rate: N. fitness: the live fitness F."""
     weights, activation, workspace, tally = state.weights, state.activation, state.workspace, state.tally
-    forward(weights, activation, workspace.drive, state.neurons, workspace.substeps)
     for k in range(SUBSTEPS):
         number = step * SUBSTEPS + k
         read = average(state.recent, workspace.substeps[k] if SUBSTEPS > 1 else activation, number, workspace.mean)
@@ -78,11 +84,36 @@ def _step(
     tally[1] += tally[0]
 
 
+def _step(
+    state: State,
+    numbers: tuple[float, ...],
+    rate: float,
+    floor: float,
+    fitness: float,
+    step_s: float,
+    key: np.uint64,
+    step: int,
+    decides: bool,
+    learns: bool,
+) -> None:
+    """Act, then learn, or one of the two."""
+    if decides:
+        decide(state)
+    if learns:
+        update(state, numbers, rate, floor, fitness, step_s, key, step)
+
+
+def step_parts(rule: type[Rule], network: Network, schedule: Schedule) -> dict[str, Any]:
+    """The two halves of a step, `decide(state)` and `update(state, ..)`, for a rule and a network."""
+    parts = controller_parts(rule, network, schedule)
+    return {"decide": compiled(with_parts(_decide, parts)), "update": compiled(with_parts(_update, parts))}
+
+
 def _kernel_of(rule: type[Rule], network: Network, schedule: Schedule) -> Any:
     """`_step` for a rule and a network, compiled or from the cache."""
     values = rule, network, schedule
     if values not in _kernels:
-        _kernels[values] = SameTypes(kernel(_step, values, **controller_parts(rule, network, schedule)))
+        _kernels[values] = SameTypes(kernel(_step, values, **step_parts(rule, network, schedule)))
     return _kernels[values]
 
 
@@ -109,7 +140,7 @@ class Controller:
         step_s: float = 0.032,
     ) -> None:
         self.genes, self.network, self.rule, self.step_s = np.asarray(genes, np.float64), network, rule, float(step_s)
-        self.rate, self._floor, self._numbers = float(rule.N), float(rule.floor), rule.numbers()
+        self.rate, self.floor, self.numbers = float(rule.N), float(rule.floor), rule.numbers()
         rule.check_wiring(network.wiring)
         if rule.control is not Control.none:
             raise ValueError(
@@ -141,8 +172,8 @@ class Controller:
         state = {name: with_arrays(value, lambda array: array[0].copy()) for name, value in states.items()}
         genotype = state.pop("genotype")._replace(synapse_state=synapse_state, signs=self._signs)
         recent = np.zeros((rule.average, network.neurons))
-        self._state = _State(readonly(genotype), **state, recent=recent, tally=np.zeros(2), workspace=self._workspace)
-        self.weights, activation = self._state.weights, self._state.activation
+        self.state = State(readonly(genotype), **state, recent=recent, tally=np.zeros(2), workspace=self._workspace)
+        self.weights, activation = self.state.weights, self.state.activation
         self._inputs, self._outputs = activation[: network.inputs], activation[network.first_output :]
 
     def act(self, observation: ArrayLike, reward: float = 0.0) -> Floats:
@@ -151,23 +182,38 @@ class Controller:
         reward: the live fitness F, by default of no effect on the rate: it is N max(floor, F).
         """
         self._inputs[:] = observation
-        arguments = self._numbers, self.rate, self._floor, float(reward), self.step_s, self.key, self.steps
+        self._do(float(reward), decides=True, learns=True)
+        return self._outputs.copy()
+
+    def decide(self, observation: ArrayLike) -> Floats:
+        """The outputs, (outputs,) of -1 to 1, for an observation, (inputs,); `learn` ends the step."""
+        self._inputs[:] = observation
+        self._do(0.0, decides=True, learns=False)
+        return self._outputs.copy()
+
+    def learn(self, reward: float, reward_reading: float | None = None) -> None:
+        """Update the weights for what was decided. reward: as of `act`. reward_reading: replaces the last input."""
+        if reward_reading is not None:
+            self._inputs[-1] = reward_reading
+        self._do(float(reward), decides=False, learns=True)
+
+    def _do(self, fitness: float, *, decides: bool, learns: bool) -> None:
+        arguments = self.numbers, self.rate, self.floor, fitness, self.step_s, self.key, self.steps
         try:
-            self._kernel.call(self._state, *arguments)
+            self._kernel.call(self.state, *arguments, decides, learns)
         except Exception as error:  # machine code raises nothing, so it comes from compiling
             raise explained(own_of([self.rule, self.network.wiring]), error) from error
-        self.steps += 1
-        return self._outputs.copy()
+        self.steps += learns
 
     @property
     def weight_change(self) -> float:
         """The present sum of |W - W_gene|."""
-        return float(self._state.tally[0])
+        return float(self.state.tally[0])
 
     @property
     def weight_change_mean(self) -> float:
         """Its mean over the steps of this lifetime."""
-        return float(self._state.tally[1]) / max(1, self.steps)
+        return float(self.state.tally[1]) / max(1, self.steps)
 
     @property
     def saturated_fraction(self) -> float:
@@ -176,5 +222,5 @@ class Controller:
 
     def check(self) -> None:
         """Refuse weights or activations that are no numbers, a PartError: such a lifetime means nothing."""
-        if not (np.isfinite(self.weights).all() and np.isfinite(self._state.activation).all()):
+        if not (np.isfinite(self.weights).all() and np.isfinite(self.state.activation).all()):
             raise PartError(f"rule {self.rule.name}: weights or activations are infinite or nan at step {self.steps}")

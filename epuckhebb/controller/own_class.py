@@ -182,6 +182,16 @@ def _names_in(function: Any, seen: set[Any]) -> Iterator[str]:
             yield from _names_in(plain.__globals__.get(name), seen)
 
 
+def _is_foreign(function: Any) -> bool:
+    """Whether a function is the user's."""
+    return not Path(function.__code__.co_filename).is_relative_to(_OURS)
+
+
+def building_block(function: Any) -> Any:
+    """A method as a building block; one of the user's checks the bounds of arrays."""
+    return (compiled_checked if _is_foreign(function) else compiled)(in_module(function, __name__))
+
+
 def call_of(function: Any, names: Collection[str], how: Mapping[str, str], given: str, **parts: Any) -> Any:
     """A building block with the arguments `given`, which calls a static method of a user's.
 
@@ -189,12 +199,11 @@ def call_of(function: Any, names: Collection[str], how: Mapping[str, str], given
     its state, and into no array that it is handed. names: of its arguments. how: how to make each of them. parts:
     other names in `how`.
     """
-    own = not Path(function.__code__.co_filename).is_relative_to(_OURS)
-    if writing := sorted(_WRITE_THROUGH.intersection(_names_in(function, set()))) if own else []:
+    writing = sorted(_WRITE_THROUGH.intersection(_names_in(function, set()))) if _is_foreign(function) else []
+    if writing:
         raise ValueError(f"`{function.__name__}` uses {', '.join(writing)}, which can write into arrays of others")
-    called = (compiled_checked if own else compiled)(in_module(function, __name__))
     call = f"function({', '.join(f'readonly({how[name]})' for name in names)})"
-    return written(given, call, {"function": called, "readonly": readonly, "math": math, **parts})
+    return written(given, call, {"function": building_block(function), "readonly": readonly, "math": math, **parts})
 
 
 def number_of(

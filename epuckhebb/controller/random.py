@@ -43,6 +43,7 @@ class Stream(IntEnum):
     random_genome = 17
     reading_noise = 18
     environment_check = 19
+    environment = 20
 
 
 def rng(seed: int, stream: Stream, *place: int) -> np.random.Generator:
@@ -110,6 +111,14 @@ def bits(key: np.uint64, number: np.uint64) -> np.uint64:
 def uniform(key: np.uint64, number: int) -> float:
     """A number in [0, 1): the upper 53 bits of output `number` for this key."""
     return (bits(key, np.uint64(number)) >> _S11) * 2.0**-53
+
+
+@compiled
+def draw(random: NDArray[np.uint64]) -> float:
+    """The next number in [0, 1) of a sequence. random: (1,), where the sequence stands; updated."""
+    number = uniform(random[0], 0)
+    random[0] += _GOLDEN
+    return number
 
 
 @compiled

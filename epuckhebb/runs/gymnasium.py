@@ -10,6 +10,7 @@ import math
 import time
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -54,12 +55,15 @@ def run_lifetimes(
 ) -> list[list[Lived]]:
     """Run lifetimes in so many processes; for each work a list, in the order of its seeds.
 
-    The first work is run here, and so are all others if processes would take longer to start. times: how often as much
-    work comes.
+    Those of a compiled environment run in threads. The first work is run here, and so are all others if processes would
+    take longer to start. times: how often as much work comes.
     """
     setup = setup_of(config)._replace(is_fresh=config.world.findings.needs_fresh)
     began = time.perf_counter()
     first, works = setup.live(works[0]), works[1:]
+    if config.world.is_compiled(config.judge):
+        with ThreadPoolExecutor(processes) as pool:
+            return [first, *pool.map(setup.live, works)]
     if processes < 2 or not works or (time.perf_counter() - began) * len(works) * times < _WORTH_S:
         return [first, *map(setup.live, works)]
     import cloudpickle  # which Gymnasium brings, and which pickles classes of a notebook, too
@@ -202,9 +206,16 @@ class Gymnasium(World):
         table = analysis.table(pd.DataFrame(rows))
         write("lifetime.csv", course)
         write("table.csv", table)
-        below = [*self.notes(genome), *(analysis.unreached(table) if environment.changes else ())]
+        below = [*self._yardsticks(), *self.notes(genome), *(analysis.unreached(table) if environment.changes else ())]
         write("table.md", "\n".join([analysis.readable(table).markdown(), *(f"{plain(note)}\n" for note in below)]))
         return {"lifetime": (pd.DataFrame(course),)}
+
+    def _yardsticks(self) -> list[str]:
+        """What scripted controllers earn in the same lifetimes, in a line, of an environment that has some."""
+        config = self.config
+        seeds = [seed_of(config.seed, Stream.evaluation_noise, repeat) for repeat in range(config.repeats)]
+        means = [f"{name} {value:.1f}" for name, value in config.world.yardsticks(seeds).items()]
+        return [f"Scripted, in the same lifetimes: {', '.join(means)}."] if means else []
 
     def table(self, rows: Rows, recorded: list[Lived]) -> Any:  # noqa: ARG002  # the maze needs it
         """A row for each controller: means, with intervals of returns."""

@@ -166,7 +166,7 @@ def champion_file(genome: Genome, fitness: float, seed: int, generation: int) ->
         "parts": np.array([part.name for part in genome.plan.parts]),
         "part_sizes": np.array([part.size for part in genome.plan.parts]),
     } | {name: np.str_(text) for name in _TEXTS if (text := getattr(genome, name))}
-    if genome.task:
+    if genome.task or genome.network.rewarded:
         arrays["rewarded"] = np.int64(genome.network.rewarded)
     if genome.network.wiring is not None:
         settings = json.dumps(asdict(genome.network.wiring), default=str)

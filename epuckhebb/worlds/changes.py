@@ -13,7 +13,7 @@ import numpy as np
 
 from epuckhebb.controller.own_class import calling
 
-AT, FUNCTION, DELAY = "at", "function", "action_delay"
+AT, FUNCTION, DELAY, DEAD = "at", "function", "action_delay", "dead_readings"
 _DRAWN = ("screen_width", "screen_height", "screen_dim", "SCREEN_DIM", "isopen", "np_random_seed")
 _INERT = {  # numbers that are drawn, or computed anew from others, by the name of their class
     "Env": _DRAWN,
@@ -169,7 +169,7 @@ def _places(given: Any, name: str, faults: Faults) -> list[int]:
 
 def _dead_readings(_env: Any, numbers: Any, faults: Faults) -> None:
     """Let readings, by their numbers or names, be 0."""
-    faults.dead = _places(numbers, "dead_readings", faults)
+    faults.dead = _places(numbers, DEAD, faults)
 
 
 def _noisy_readings(_env: Any, values: Any, faults: Faults) -> None:
@@ -221,7 +221,7 @@ CHANGES: dict[str, Callable[[Any, Any, Faults], None]] = {
     "friction": _friction,
     "mass": _mass,
     "joint_strength": _joint_strength,
-    "dead_readings": _dead_readings,
+    DEAD: _dead_readings,
     "noisy_readings": _noisy_readings,
     DELAY: _action_delay,
 }

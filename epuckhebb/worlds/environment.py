@@ -1,6 +1,7 @@
 """An environment of Gymnasium as a world: its settings, and one lifetime in it.
 
-    F = min(1, reward of the step before / reward_scale)      the live fitness that a plasticity rule gets
+    F = min(1, n + (1 - n) r / reward_scale)   the live fitness that a plasticity rule gets
+                                               r: reward of the step before, or of this step's own move; n: neutral
 
 A lifetime is one episode, or `horizon` steps. All controllers of a repeat have the same seed of the environment.
 """
@@ -19,11 +20,12 @@ import numpy as np
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.errors import PartError
+from epuckhebb.controller.compiling.kernel import compiled
 from epuckhebb.controller.controller import Controller
 from epuckhebb.controller.own_class import calling
 from epuckhebb.controller.random import Stream, rng
 from epuckhebb.controller.ranges import check, within
-from epuckhebb.worlds.changes import AT, DELAY, Faults, apply
+from epuckhebb.worlds.changes import AT, CHANGES, DEAD, DELAY, FUNCTION, Faults, apply
 from epuckhebb.worlds.spaces import Reader, actor, parts_of
 from epuckhebb.worlds.trial import Findings, try_world
 
@@ -38,11 +40,13 @@ class Environment:
 
     id: of Gymnasium, PACKAGE:ID for one that a package brings, or FILE.py:NAME, the user's class, or function that
     makes one. options: arguments with which it is made. horizon: steps of a lifetime. scale: of all readings, or of
-    each; None: from their bounds. reward_scale: reward of a step at which the live fitness is 1. reward_weights: of a
-    reward that is several numbers; None: it is one. step_s: length of a step [s], for what has time constants. changes:
-    each `{at: STEP, NAME: VALUE}`; change: their name, of those in `named`. hidden: sizes of the hidden layers.
-    population, generations, loops: of an evolution, with so many lifetimes of an individual. processes: 0 for one on
-    each core.
+    each; None: from their bounds. reward_scale: reward of a step at which the live fitness is 1. neutral_fitness: the
+    live fitness of a step without reward. reads_reward: whether the reward of the step before is one more reading, the
+    last. learns_after_move: whether the weights change after a move, with its own reward, or before it, with that of
+    the step before. reward_weights: of a reward that is several numbers; None: it is one. step_s: length of a step [s],
+    for what has time constants. changes: each `{at: STEP, NAME: VALUE}`; change: their name, of those in `named`.
+    hidden: sizes of the hidden layers. population, generations, loops: of an evolution, with so many lifetimes of an
+    individual. processes: 0 for one on each core.
     """
 
     name: str = ""
@@ -51,6 +55,9 @@ class Environment:
     horizon: int = within(1, _LONGEST, default=500)
     scale: Any = None
     reward_scale: float = within(0, above=True, default=1.0)
+    neutral_fitness: float = within(0, 1, below=True, default=0.0)
+    reads_reward: bool = False
+    learns_after_move: bool = False
     reward_weights: list[float] | None = None
     step_s: float = within(0, above=True, default=0.02)
     changes: list[Any] = field(default_factory=list)
@@ -70,6 +77,18 @@ class Environment:
                 raise ValueError(f"environment.changes must be a list of {{at: STEP, NAME: VALUE}}, got {change!r}")
             if not 0 <= at < self.horizon:
                 raise ValueError(f"environment.changes: at must be below horizon={self.horizon}, got {at}")
+
+
+@compiled
+def live_fitness(reward: float, full: float, neutral: float) -> float:
+    """The live fitness F of a reward: 1 at `full`, `neutral` at 0."""
+    return min(1.0, neutral + (1.0 - neutral) * (reward / full))
+
+
+@compiled
+def reward_reading(reward: float, full: float) -> float:
+    """A reward as a reading, from -1 to 1."""
+    return max(-1.0, min(1.0, reward / full))
 
 
 class Lived(NamedTuple):
@@ -134,7 +153,8 @@ class World:
     @cached_property
     def read(self) -> Reader:
         """The function from an observation to the readings, (inputs,)."""
-        return Reader(self.observations, self.settings.scale, f"environment {self.name}: observations")
+        what = f"environment {self.name}: observations"
+        return Reader(self.observations, self.settings.scale, what, reads_reward=self.settings.reads_reward)
 
     @property
     def observations(self) -> Any:
@@ -153,6 +173,28 @@ class World:
     def changes(self) -> list[Mapping[str, Any]]:
         """The changes by their step."""
         return sorted(self.settings.changes, key=lambda change: int(change[AT]))
+
+    @cached_property
+    def _compiled(self) -> Any:
+        """The environment, if its lifetimes can run as machine code; else None."""
+        env = getattr(self._env, "unwrapped", None)
+        return env if hasattr(env, "run_lifetime") else None
+
+    def is_compiled(self, judge: Any = None) -> bool:
+        """Whether lifetimes run as machine code, which threads can run. judge: a `Fitness`; None for the return."""
+        names = {name for change in self.changes for name in change} - {AT, DEAD}
+        is_plain = not names & {*CHANGES, FUNCTION} and self.settings.reward_weights is None
+        return self._compiled is not None and is_plain and not self._kept(judge)
+
+    def yardsticks(self, seeds: Sequence[int]) -> Mapping[str, float]:
+        """What scripted controllers earn in lifetimes without changes, the mean return by name; of few environments."""
+        env = None if self.changes else self._compiled
+        return {} if env is None else env.yardsticks(seeds, self.settings.horizon)
+
+    @staticmethod
+    def _kept(judge: Any) -> set[str]:
+        """What of each step must be kept for a fitness of the user's."""
+        return {"observations", "infos"}.intersection(() if judge is None else judge.arguments("life"))
 
     @cached_property
     def split(self) -> int:
@@ -182,11 +224,13 @@ class World:
         changes: Sequence[Mapping[str, Any]] = (),
         watch: Callable[[Any], None] | None = None,
         keep: Callable[[Any, Any, bool], None] | None = None,
+        learn: Callable[[int, float, float], None] | None = None,
     ) -> Floats:
         """The rewards of an episode, of so many steps at most. changes: by their step.
 
         act: the outputs at a step, for the readings, the reward of the step before and the observation. watch, keep:
         are called before each step with the environment, and after it with observation, info and whether it ended.
+        learn: is called after a step with its number, its reward, and that as a reading.
 
         Raises:
             PartError: the environment, or a function of the user's, failed, or gave what it may not give.
@@ -196,6 +240,7 @@ class World:
         longest = max((change[DELAY] for change in changes if isinstance(change.get(DELAY), int)), default=0)
         past = deque[Any](maxlen=1 + max(0, longest))  # kept always: a delay may begin during the lifetime
         rewards, read, turn, do = np.zeros(steps), self.read, self.turn, env.step
+        full, last, reading = self.settings.reward_scale, self.inputs - 1, 0.0
         reward, step, has_ended, is_cut = 0.0, -1, False, False
         folder = Path.cwd()
         try:
@@ -203,7 +248,7 @@ class World:
             readings = read(observation)
             for step in range(steps):
                 while changes and step == changes[0][AT]:
-                    self._apply(changes.pop(0), env, faults)
+                    self.apply(changes.pop(0), env, faults)
                 if faults.dead:
                     readings[faults.dead] = 0.0
                 for place, deviation in faults.noise.items():
@@ -217,8 +262,12 @@ class World:
                 observation, reward, has_ended, is_cut, info = do(action)
                 if keep:
                     keep(observation, info, has_ended)
-                readings, reward = read(observation), self._reward(reward)
-                rewards[step] = reward
+                rewards[step] = reward = self._reward(reward)
+                if read.reads_reward:
+                    reading = reward_reading(reward, full)
+                if learn:
+                    learn(step, reward, 0.0 if last in faults.dead else reading)
+                readings = read(observation, reading)
                 if has_ended or is_cut:
                     break
             _finite(rewards.sum(), "the sum of the rewards")
@@ -241,7 +290,8 @@ class World:
             raise ValueError(f"a reward must be {len(weights)} numbers, as environment.reward_weights, got {reward!r}")
         return _finite(np.dot(weights, reward), "a reward")
 
-    def _apply(self, change: Mapping[str, Any], env: Any, faults: Faults) -> None:
+    def apply(self, change: Mapping[str, Any], env: Any, faults: Faults) -> None:
+        """Change an environment, and what is between it and its controller; a PartError if that cannot be."""
         try:
             apply(change, env.unwrapped, faults, self.functions)
         except PartError:
@@ -269,21 +319,31 @@ class World:
         Raises:
             PartError: the weights, the environment, or a function of the user's, failed.
         """
-        horizon, full = self.settings.horizon, self.settings.reward_scale
-        found, rate = np.zeros((2, horizon)), controller.rate
+        settings, horizon, rate = self.settings, self.settings.horizon, controller.rate
+        found, end = np.zeros((2, horizon)), self.split if frozen else horizon
+        full, neutral = settings.reward_scale, settings.neutral_fitness
         controller.reset(seed)
 
-        def act(step: int, readings: Floats, reward: float, _observation: Any) -> Floats:
-            if frozen and step == self.split:
-                controller.rate = 0.0
+        def learning(step: int, change: Callable[[], Any]) -> Any:
             before = controller.weights.copy() if record else controller.weights
-            outputs = controller.act(readings, min(1.0, reward / full))
+            outputs = change()
             if record:
                 found[:, step] = controller.weight_change, np.abs(controller.weights - before).sum()
             return outputs
 
+        def act(step: int, readings: Floats, reward: float, _observation: Any) -> Any:
+            if step == end:
+                controller.rate = 0.0
+            if settings.learns_after_move:
+                return controller.decide(readings)
+            return learning(step, lambda: controller.act(readings, live_fitness(reward, full, neutral)))
+
+        def learn(step: int, reward: float, reading: float) -> None:
+            heard = reading if settings.reads_reward else None
+            learning(step, lambda: controller.learn(live_fitness(reward, full, neutral), heard))
+
         seen: dict[str, Any] = {"observations": [], "infos": [], "terminated": False}
-        kept = () if judge is None else judge.arguments("life")
+        kept = self._kept(judge)
 
         def keep(observation: Any, info: Any, has_ended: bool) -> None:
             seen["terminated"] = bool(has_ended)
@@ -292,9 +352,16 @@ class World:
                     seen[name].append(deepcopy(value))  # an environment may change what it gave
 
         options = {"render_mode": "rgb_array"} if watch else {}
-        env = self.make(**options) if watch or self.changes or is_fresh else self._env
+        is_compiled = not watch and self.is_compiled(judge)
+        env = self.make(**options) if watch or self.changes or (is_fresh and not is_compiled) else self._env
         try:
-            rewards = self.episode(env, act, seed, horizon, self.changes, watch, keep if kept else None)
+            if is_compiled:
+                run = env.unwrapped.run_lifetime
+                rewards, *found = run(self, controller, seed, self.changes, frozen=end, record=record)
+                found = np.array(found)
+            else:
+                hooks = watch, keep if judge else None, learn if settings.learns_after_move else None
+                rewards = self.episode(env, act, seed, horizon, self.changes, *hooks)
         finally:
             controller.rate = rate
             if env is not self._env:

@@ -6,6 +6,7 @@
 | Discrete, MultiDiscrete | for each number a 1 among zeros | for each number the place of the largest of its outputs |
 | MultiBinary | its zeros and ones | 1 where an output is above 0 |
 | Dict, Tuple | those of its parts, one after the other | of its parts |
+| Readings, of compiled worlds | its numbers, as they are | – |
 | Text | none | – |
 """
 
@@ -19,7 +20,7 @@ from epuckhebb.controller.arrays import Floats
 
 _UNBOUNDED = 1e30  # bounds from here on are written for none, as the largest float32 is
 _WIDE = 3.0  # scale of readings without bounds
-_KINDS = ("Box", "Discrete", "MultiDiscrete", "MultiBinary")
+_KINDS = ("Box", "Discrete", "MultiDiscrete", "MultiBinary", "Readings")
 _TEXT = "Text"
 
 
@@ -46,6 +47,8 @@ class Part(NamedTuple):
     @property
     def names(self) -> list[str]:
         """The name of each of its readings: a number, or where it is in an observation of parts."""
+        if self.kind == "Readings":
+            return list(self.space.names)
         path = ".".join(map(str, self.path))
         if not path or (self.kind == "Box" and self.space.shape) or self.kind in _KINDS[2:]:
             return [f"{path}{'.' * bool(path)}{number}" for number in range(self.size)]
@@ -91,7 +94,7 @@ def _size(space: Any) -> int:
             return int(space.n)
         case "MultiDiscrete":
             return int(space.nvec.sum())
-        case "Box" | "MultiBinary":
+        case "Box" | "MultiBinary" | "Readings":
             return int(max(1, np.prod(space.shape)))
     return 0
 
@@ -106,13 +109,16 @@ class Reader:
     """The function from an observation to the readings, (readings,).
 
     names: of the readings. is_measured: which of them are numbers of a Box, and not zeros and ones. scale: of each of
-    these; as given, or the largest size within its bounds, or 3 without bounds.
+    these; as given, or the largest size within its bounds, or 3 without bounds. reads_reward: whether a reward is the
+    last of the readings.
 
     Raises:
         ValueError: the scale is no number above 0, nor one for each reading; an observation is another thing.
     """
 
-    def __init__(self, space: Any, given: Any = None, what: str = "observations") -> None:
+    def __init__(
+        self, space: Any, given: Any = None, what: str = "observations", *, reads_reward: bool = False
+    ) -> None:
         self._parts = parts_of(space, what)
         self.names = [name for part in self._parts for name in part.names]
         self.is_measured = np.repeat([part.kind == "Box" for part in self._parts], [part.size for part in self._parts])
@@ -124,12 +130,18 @@ class Reader:
             (part.path, _reader(part, self.scale[end - part.size : end]))
             for part, end in zip(self._parts, ends, strict=True)
         ]
+        self.reads_reward = reads_reward
+        if reads_reward:
+            self.names, self.is_measured = [*self.names, "reward"], np.append(self.is_measured, False)
+            self.scale = np.append(self.scale, 1.0)
 
-    def __call__(self, observation: Any) -> Floats:
-        """The readings of an observation, (readings,)."""
+    def __call__(self, observation: Any, reward: float = 0.0) -> Floats:
+        """The readings of an observation, and a reward where it is one, (readings,)."""
         if not self._readers[0][0]:  # a space without parts
-            return self._readers[0][1](observation)
-        return np.concatenate([read(_at(observation, path)) for path, read in self._readers])
+            readings = self._readers[0][1](observation)
+        else:
+            readings = np.concatenate([read(_at(observation, path)) for path, read in self._readers])
+        return np.append(readings, reward) if self.reads_reward else readings
 
     def sizes(self, observation: Any) -> Floats:
         """The size of each measured number of an observation before its scale, 0 elsewhere, (readings,)."""
@@ -137,7 +149,7 @@ class Reader:
             np.abs(np.ravel(_at(observation, part.path))) if part.kind == "Box" else np.zeros(part.size)
             for part in self._parts
         ]
-        return np.concatenate(values)
+        return np.concatenate([*values, np.zeros(int(self.reads_reward))])
 
 
 def _at(observation: Any, path: tuple[Any, ...]) -> Any:
