@@ -10,8 +10,8 @@ from test_ode import needs_ode
 from test_reversal import REWARDED, drawn, switching
 from test_session import assert_bit_identical, run_in_pieces
 
-from epuckhebb.analysis.controls import derangement, of_other_champions
-from epuckhebb.analysis.evaluate import individuals_for
+from epuckhebb.analysis.controls import derangement, exchange_genomes
+from epuckhebb.analysis.evaluate import make_individuals
 from epuckhebb.config import EvaluateConfig, load
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import PAPER_NETWORK, Network
@@ -120,7 +120,7 @@ def test_a_step_by_hand():
 
 def wanted(seed, genes, *controllers):
     some = [(number, "left", 0) for number in range(len(controllers))]
-    return individuals_for(genes, controllers, some, None, plan_of(PAPER_NETWORK), PAPER_NETWORK, seed, None)
+    return make_individuals(genes, controllers, some, None, plan_of(PAPER_NETWORK), PAPER_NETWORK, seed, None)
 
 
 @pytest.mark.parametrize("control", YOKED)
@@ -227,7 +227,7 @@ def test_another_champion_stands_in_for_each():
         ],
         columns=["experiment", "genome", "side", "outcome"],
     )
-    other = of_other_champions(rows).set_index(["experiment", "genome", "side"]).outcome
+    other = exchange_genomes(rows).set_index(["experiment", "genome", "side"]).outcome
     assert other.to_dict() == {
         ("light", "a", "left"): 3,
         ("light", "a", "right"): 4,

@@ -20,7 +20,7 @@ from epuckhebb.analysis.statistics import (
     holm,
     improvement,
     interquartile_mean,
-    intervals_over,
+    interval_title,
     mean,
     performance_profile,
     permutation,
@@ -339,7 +339,7 @@ def test_rescue_over_all_changed_worlds_by_hand():
     by_champion = findings.rescue_by_champion(EACH)
     b = by_champion[(by_champion.genome == "b") & (by_champion.controller == HEBBIAN)].iloc[0]
     assert (b.solves, b.training_harmed, b.broken, b.rescued, b.intact, b.harmed) == (1, 1, 1, 0, 1, 0)
-    (found,) = findings.rescue_over_all(by_champion).to_dict("records")
+    (found,) = findings.rescue_totals(by_champion).to_dict("records")
     assert (found["broken"], found["rescued"], found["intact"], found["harmed"]) == (2, 1, 4, 1)
     assert (found["training_solved"], found["training_harmed"]) == (3, 1)
     assert (found["rescued_share"], found["harmed_share"]) == (0.5, 0.25)
@@ -501,5 +501,5 @@ def test_the_page_of_a_report_has_no_style_but_its_own_and_columns_end_at_the_ri
 
 
 def test_a_title_says_why_there_are_no_intervals():
-    assert intervals_over("seeds", [6, 12]) == "95 % intervals over seeds"
-    assert intervals_over("seeds", [4, 12, 4]).endswith("need 6: here 4 or 12")
+    assert interval_title("seeds", [6, 12]) == "95 % intervals over seeds"
+    assert interval_title("seeds", [4, 12, 4]).endswith("need 6: here 4 or 12")

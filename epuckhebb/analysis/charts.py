@@ -15,7 +15,7 @@ from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 from epuckhebb.analysis import rescue
-from epuckhebb.analysis.image import in_house_style, plain
+from epuckhebb.analysis.image import house_style, plain
 from epuckhebb.analysis.statistics import LEAST
 from epuckhebb.controller.network import initial_weights_of
 from epuckhebb.controller.plasticity.weight_change import saturated_fraction
@@ -47,24 +47,19 @@ _OWN_PANELS = 3  # changed worlds that have a panel each
 _NAMED = 8  # rates for whose names an axis has room
 
 
-def by_experiment(table: "pd.DataFrame") -> "list[tuple[str, pd.DataFrame]]":
+def group_experiments(table: "pd.DataFrame") -> "list[tuple[str, pd.DataFrame]]":
     """The rows of each experiment; obstacles before light."""
     return sorted(table.groupby("experiment"), reverse=True)
 
 
-def in_margin(axes: Axes, text: str, height: float = 0.5) -> None:
-    """Write at the right margin of a panel. height: as a share of it."""
-    axes.annotate(text, (1, height), (7, 0), xycoords="axes fraction", textcoords="offset points", va="center")
-
-
-def beside(axes: Axes, text: str, place: float, points: float = 4, **look: Any) -> None:
+def annotate_row(axes: Axes, text: str, place: float, points: float = 4, **look: Any) -> None:
     """Write a number of a row at the right margin of its panel. place: of the row. points: from the edge."""
     where: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points", "va": "center"}
     axes.annotate(text, (1, place), (points, 0), fontsize=8, **where, **look)
 
 
-def too_few() -> Figure:
-    """In place of a figure without a row."""
+def empty_figure() -> Figure:
+    """A figure that says why it has no row."""
     figure = Figure(figsize=(5.2, 1.0))
     figure.text(
         0.5,
@@ -76,17 +71,17 @@ def too_few() -> Figure:
     return figure
 
 
-def with_interval(axes: Axes, x: "Sequence[float] | pd.Series", rows: "pd.DataFrame", column: str, **look: Any) -> None:
+def draw_interval(axes: Axes, x: "Sequence[float] | pd.Series", rows: "pd.DataFrame", column: str, **look: Any) -> None:
     """Draw a column of a table, with its interval where that is known."""
     y, low, high = (rows[column + end].to_numpy(float) for end in ("", "_low", "_high"))
     axes.errorbar(x, y, np.nan_to_num([y - low, high - y]), **look)
 
 
-@in_house_style()
+@house_style()
 def dose_response(doses: "pd.DataFrame") -> Figure:
     """Success, weight change and saturated weights against the base rate, a row of panels for each condition.
 
-    doses: of `analysis.summary.dose_response`; the rows of `GA` are without plasticity.
+    doses: a row for each condition, controller, rate and side; the rows of `GA` are without plasticity.
     """
     conditions = list(doses.groupby("condition", sort=False))
     rates = np.sort(doses.N[doses.N > 0].unique())
@@ -97,7 +92,7 @@ def dose_response(doses: "pd.DataFrame") -> Figure:
             for (side, of_side), shift in zip(own.groupby("side"), (1 / 1.04, 1.04), strict=True):
                 plastic, alone = (of_side[(of_side.controller == GA) == is_ga] for is_ga in (False, True))
                 look = {"color": SIDE[side], "marker": MARKER[side], "label": side}
-                with_interval(axes, plastic.sort_values("N").N * shift, plastic.sort_values("N"), column, **look)
+                draw_interval(axes, plastic.sort_values("N").N * shift, plastic.sort_values("N"), column, **look)
                 if column == "success" and len(alone):
                     axes.axhline(alone.success.iloc[0], color=SIDE[side], linestyle="--", label=f"GA alone, {side}")
             axes.set_xscale("log")
@@ -111,7 +106,8 @@ def dose_response(doses: "pd.DataFrame") -> Figure:
             panels[1].set_yscale("log")
         count = own[["champions", "lifetimes"]].max()
         n, unit = (count.champions, "champions") if count.champions > 1 else (count.lifetimes, "lifetimes")
-        in_margin(panels[2], f"n = {n}\n{unit}")
+        place = {"xycoords": "axes fraction", "textcoords": "offset points", "va": "center"}
+        panels[2].annotate(f"n = {n}\n{unit}", (1, 0.5), (7, 0), **place)
     for axes, label in zip(rows[0], _DOSES.values(), strict=True):
         axes.annotate(label, (0.5, 1.22), xycoords="axes fraction", ha="center")
     for axes in rows[-1]:
@@ -123,18 +119,18 @@ def dose_response(doses: "pd.DataFrame") -> Figure:
     return figure
 
 
-@in_house_style()
+@house_style()
 def rescue_and_harm(over_all: "pd.DataFrame", by_world: "pd.DataFrame") -> Figure:
     """Rescued and harmed trials of each plasticity, with intervals and counts: a row of panels for each experiment.
 
     An experiment with at most three changed worlds has a panel for each, others one for all together.
 
-    over_all, by_world: of `findings.rescue_over_all` and `rescue_and_harm`. What fewer than six champions can show has
-    no interval, and is left out.
+    over_all, by_world: the tables `rescue_over_all.csv` and `rescue_and_harm.csv`. What fewer than six champions can
+    show has no interval, and is left out.
     """
-    rows = {one: panels for one, own in by_experiment(over_all) if (panels := _panels(str(one), own, by_world))}
+    rows = {one: panels for one, own in group_experiments(over_all) if (panels := _panels(str(one), own, by_world))}
     if not rows:
-        return too_few()
+        return empty_figure()
     columns, methods = max(map(len, rows.values())), [max(len(own) for _, own in panels) for panels in rows.values()]
     figure = Figure(figsize=(2.4 + 3.0 * columns, 0.6 + sum(0.9 + 0.27 * count for count in methods)))
     grid = figure.subplots(len(rows), columns, squeeze=False, height_ratios=[2 + count for count in methods])
@@ -178,14 +174,14 @@ def _rescue_panel(axes: Axes, own: "pd.DataFrame") -> None:
         }
         axes.errorbar(share, places + shift, xerr=[share - low, high - share], label=text, **look)
         for place, part, of in zip(places, own[what], own[whole], strict=True):
-            beside(axes, f"{part}/{of}", float(place), column, color=EFFECT[what])
+            annotate_row(axes, f"{part}/{of}", float(place), column, color=EFFECT[what])
     axes.set_yticks(places, [plain(name) for name in names])
     axes.set(xlim=(0, 1), ylim=(len(own) - 0.5, -0.5))
     axes.grid(axis="x")
     axes.tick_params(axis="y", length=0)
 
 
-@in_house_style()
+@house_style()
 def learning_curves(ways: "Mapping[str, Sequence[pd.DataFrame]]", keys: str = "") -> Figure:
     """Best fitness over the robot-steps of evolutions: a line for each way to evolve, on one axis.
 
@@ -216,7 +212,7 @@ def learning_curves(ways: "Mapping[str, Sequence[pd.DataFrame]]", keys: str = ""
     return figure
 
 
-@in_house_style()
+@house_style()
 def weight_change(conditions: Mapping[str, Mapping[str, Samples]], against: str, title: str) -> Figure:
     """A panel for each condition: weight change between samples against a sensor reading.
 
@@ -240,7 +236,7 @@ def weight_change(conditions: Mapping[str, Mapping[str, Samples]], against: str,
     return figure
 
 
-@in_house_style()
+@house_style()
 def weights(genes: NDArray[np.float64], lifetimes: Mapping[str, Samples], bound: float, title: str) -> Figure:
     """Each weight before and after a lifetime, a panel a side. bound: of the weights. genes: the weights first."""
     figure = Figure(figsize=(3.8 * len(lifetimes), 4.2))
@@ -264,7 +260,7 @@ def weights(genes: NDArray[np.float64], lifetimes: Mapping[str, Samples], bound:
 _AROUND = (-3, 6)  # trials after the switch
 
 
-@in_house_style()
+@house_style()
 def reversal(table: "pd.DataFrame", trials: "pd.DataFrame", title: str) -> Figure:
     """The rewarded share of each controller around a switch of the rewarded end, beside the first limit of `table`.
 
@@ -292,7 +288,7 @@ def reversal(table: "pd.DataFrame", trials: "pd.DataFrame", title: str) -> Figur
     return drawn
 
 
-@in_house_style()
+@house_style()
 def lifetime(course: "pd.DataFrame", title: str, changes: Sequence[int]) -> Figure:
     """The mean reward of a step and the weight change over a lifetime in an environment, with the changes marked.
 
@@ -316,7 +312,7 @@ def lifetime(course: "pd.DataFrame", title: str, changes: Sequence[int]) -> Figu
     return drawn
 
 
-@in_house_style()
+@house_style()
 def returns(rows: "pd.DataFrame") -> Figure:
     """The mean return before and after a change, of each rule and its controls, with intervals: a panel a change.
 
@@ -334,7 +330,7 @@ def returns(rows: "pd.DataFrame") -> Figure:
             look = {"linestyle": "", "marker": marker, "color": colour, "markersize": 4, "label": when}
             axes.plot(own[f"return_{when}"], places, **look)
         for place, value in zip(places, own.return_after, strict=True):
-            beside(axes, f"{round(value)}", place)
+            annotate_row(axes, f"{round(value)}", place)
         axes.set(title=plain(str(change)) or "nothing changes", xlabel="return")
         axes.grid(axis="x")
     panels[0].set_yticks(range(len(names)), [plain(name) for name in names])

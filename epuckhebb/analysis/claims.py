@@ -76,16 +76,16 @@ def effect(before: pd.Series, after: pd.Series, paper: float, control: pd.Series
         effect, effect_low, effect_high, control_effect, control_effect_low, control_effect_high, paper_effect [%],
         effect_absolute, in the unit of the values; verdict.
     """
-    row: dict[str, Any] = {"paper_effect": paper, "effect_absolute": _mean_of(after - before)[0]}
+    row: dict[str, Any] = {"paper_effect": paper, "effect_absolute": _champion_mean(after - before)[0]}
     for prefix, values in (("", after), ("control_", control)):
         keys = (f"{prefix}effect", f"{prefix}effect_low", f"{prefix}effect_high")
-        row |= dict(zip(keys, _mean_of(100 * (values / before - 1)), strict=True))
+        row |= dict(zip(keys, _champion_mean(100 * (values / before - 1)), strict=True))
     known = (after / before).dropna()
     champions = known.index.get_level_values("genome").nunique()
     return row | {"verdict": verdict(row["effect_low"], row["effect_high"], len(known), champions, paper)}
 
 
-def _mean_of(values: pd.Series) -> tuple[float, float, float]:
+def _champion_mean(values: pd.Series) -> tuple[float, float, float]:
     """The mean over champions, each with the mean of its trials, and the interval."""
     by_champion = values.groupby("genome", sort=False).mean().to_numpy(float)
     known = by_champion[~np.isnan(by_champion)]
@@ -95,7 +95,7 @@ def _mean_of(values: pd.Series) -> tuple[float, float, float]:
 def claims(each: pd.DataFrame, published: pd.DataFrame) -> pd.DataFrame:
     """The paper's claims, one row each; those on plasticity with shuffled signs beside them.
 
-    Column `champions`: how many have a trial that could show the claim. published: of `published.published_values`.
+    Column `champions`: how many have a trial that could show the claim. published: the paper's numbers, a row each.
     """
     present = set(each.experiment)
     return pd.DataFrame(
@@ -199,9 +199,9 @@ def showcase(each: pd.DataFrame, published: pd.DataFrame, experiment: str) -> tu
 def _count(
     text: str, counted: str, true: pd.Series, among: pd.Series, control: pd.Series | None = None
 ) -> dict[str, Any]:
-    part, whole = _by_champion(true, among)
+    part, whole = _champion_counts(true, among)
     return claim(
-        text, counted, part, whole, None if control is None or control.empty else _by_champion(control, among)[0]
+        text, counted, part, whole, None if control is None or control.empty else _champion_counts(control, among)[0]
     )
 
 
@@ -213,7 +213,7 @@ def _either(text: str, broken: pd.Series, own: pd.Series, other: pd.Series) -> d
     return _count(text, counted, own & ~other, broken & (own ^ other))
 
 
-def _by_champion(true: pd.Series, among: pd.Series) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _champion_counts(true: pd.Series, among: pd.Series) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """For each champion: in how many trials it is true, and how many trials `among` holds; both (champions,)."""
     counts = pd.DataFrame({"part": true & among, "whole": among}).groupby("genome", sort=False).sum()
     return counts.part.to_numpy(np.int64), counts.whole.to_numpy(np.int64)

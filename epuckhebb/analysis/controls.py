@@ -16,7 +16,7 @@ def derangement(champions: Sequence[str]) -> dict[str, str]:
     return dict(zip(champions, [*champions[1:], champions[0]], strict=True))
 
 
-def of_other_champions(rows: pd.DataFrame) -> pd.DataFrame:
+def exchange_genomes(rows: pd.DataFrame) -> pd.DataFrame:
     """The rows of a table of lifetimes or trials, each under the name of the champion whose place its genome takes.
 
     A lifetime depends on its genome, world, side, repeat and seed, and not on the champion that it is compared with.

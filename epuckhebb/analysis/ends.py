@@ -4,8 +4,8 @@ A robot that drives to the end of an arm is at its goal by chance in about half 
 plasticity rule say little without its wrong ones: those at the goal of the other side.
 
 All begin with `trials`, of the rows of `epuckhebb.analysis.lifetimes.gather`; `genome` is the champion. `settings` are
-the columns that name a condition. A trial is one champion on one side, and has the end of most of its repeats: see
-`epuckhebb.analysis.findings.trials`. Champions are the independent unit of intervals and p values.
+the columns that name a condition. A trial is one champion on one side, and has the end of most of its repeats.
+Champions are the independent unit of intervals and p values.
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,11 +15,11 @@ import numpy as np
 import pandas as pd
 
 from epuckhebb.analysis import findings
-from epuckhebb.analysis.controls import of_other_champions
+from epuckhebb.analysis.controls import exchange_genomes
 from epuckhebb.analysis.lifetimes import is_of_plasticity, numeric
 from epuckhebb.analysis.rescue import label
 from epuckhebb.analysis.statistics import bootstrap, mean, sign_flip
-from epuckhebb.analysis.tables import Table, plain, with_interval
+from epuckhebb.analysis.tables import Table, interval_text, plain
 from epuckhebb.tmaze.individual import GA, HEBBIAN
 from epuckhebb.tmaze.maze import SIDES
 from epuckhebb.tmaze.outcome import End
@@ -64,10 +64,10 @@ def trials(rows: pd.DataFrame, settings: Sequence[str] = ()) -> pd.DataFrame:
     return each[[*more, *_CELL, *findings.TRIAL, "end", "arrived", "fate"]]
 
 
-def by_champion(each: pd.DataFrame) -> pd.DataFrame:
+def champion_ends(each: pd.DataFrame) -> pd.DataFrame:
     """One row for each condition and champion: how many of its trials end where, and the end and fate of each side.
 
-    each: of `trials`.
+    each: the trials.
     """
     by = [*each.columns[: each.columns.get_loc("side")]]
     counts = _counted(each).groupby(by, sort=False)[_COUNTED].sum()
@@ -80,7 +80,7 @@ def _counted(each: pd.DataFrame) -> pd.DataFrame:
     return each.assign(**{end.value: each.end == end for end in End})
 
 
-def _in_draws(each: pd.DataFrame) -> pd.DataFrame:
+def _merge_draws(each: pd.DataFrame) -> pd.DataFrame:
     """Trials in which the controls `NAME_0`, `NAME_1` and so on are draws of one, `NAME`."""
     control = each.controller.str.replace(_DRAW, "", regex=True)
     has_several = each.groupby(control).controller.transform("nunique") > 1
@@ -96,16 +96,18 @@ def ends(each: pd.DataFrame) -> pd.DataFrame:
     are named `NAME_0`, `NAME_1` and so on are `draws` of one, `NAME`: all its numbers are means over them. Among trials
     of a fate there is one control more, `OTHER`: the paper's rule with the genome of another champion.
 
-    each: of `trials`.
+    each: the trials.
     """
-    return pd.DataFrame(list(_ends(_in_draws(_counted(pd.concat([each, _of_others(each)], ignore_index=True))))))
+    return pd.DataFrame(
+        list(_ends(_merge_draws(_counted(pd.concat([each, _exchanged_trials(each)], ignore_index=True)))))
+    )
 
 
-def _of_others(each: pd.DataFrame) -> pd.DataFrame:
+def _exchanged_trials(each: pd.DataFrame) -> pd.DataFrame:
     """The trials of the paper's rule, each in the place of another champion, and with the fate of that one's trial."""
     own = each[(each.controller == HEBBIAN) & (each.groupby("experiment").genome.transform("nunique") > 1)]
     trial = [*own.columns[: own.columns.get_loc("end")]]
-    others = of_other_champions(own.drop(columns="fate")).merge(own[[*trial, "fate"]], on=trial)
+    others = exchange_genomes(own.drop(columns="fate")).merge(own[[*trial, "fate"]], on=trial)
     return others.assign(controller=OTHER)
 
 
@@ -133,9 +135,9 @@ def discrimination(each: pd.DataFrame) -> pd.DataFrame:
 
     A robot that can tell the sides ends right on both. `right_left`, `right_right`, `right_both`: champions that end
     right on the left side, on the right, on both; `right_expected`: on both, if the sides of a champion were
-    independent, which is the product of the sides' shares times the champions. So for `wrong`.
+    independent, which is the product of the sides' shares times the champions. `wrong_...` counts wrong ends likewise.
 
-    each: of `trials`; champions with one side alone do not count.
+    each: the trials; champions with one side alone do not count.
     """
     by = [*each.columns[: each.columns.get_loc("genome")]]
     in_order = pd.MultiIndex.from_frame(each[[*by, "genome"]].drop_duplicates())
@@ -154,20 +156,22 @@ def discrimination(each: pd.DataFrame) -> pd.DataFrame:
 def tables(rows: pd.DataFrame, settings: Sequence[str] = ()) -> dict[str, pd.DataFrame]:
     """All tables of ends by their names, of rows and settings as for `trials`."""
     each = trials(rows, settings)
-    return {"ends": ends(each), "ends_by_champion": by_champion(each), "discrimination": discrimination(each)}
+    return {"ends": ends(each), "ends_by_champion": champion_ends(each), "discrimination": discrimination(each)}
 
 
 def markdown(table: pd.DataFrame) -> str:
-    """A section of a page: what ends are, and the tables of `readable`. table: of `ends`."""
+    """A section of a page: what ends are, and a table for each experiment. table: `ends.csv`."""
     return "\n".join(["## Ends\n", f"{MEANING}\n", *(f"{one.title}:\n\n{one.markdown()}" for one in readable(table))])
 
 
 def readable(table: pd.DataFrame) -> list[Table]:
-    """A table to read for each experiment, of all trials: a row for each world and controller. table: of `ends`."""
-    return [_of_experiment(str(name), own) for name, own in table[table.among == ALL].groupby("experiment", sort=False)]
+    """A table to read for each experiment, of all trials: a row for each world and controller. table: `ends.csv`."""
+    return [
+        _experiment_table(str(name), own) for name, own in table[table.among == ALL].groupby("experiment", sort=False)
+    ]
 
 
-def _of_experiment(experiment: str, own: pd.DataFrame) -> Table:
+def _experiment_table(experiment: str, own: pd.DataFrame) -> Table:
     settings = own.columns[: own.columns.get_loc("among")].difference(_CELL, sort=False)
     shown = [name for name in settings if own[name].nunique() > 1]
     headings = [
@@ -186,7 +190,7 @@ def _of_experiment(experiment: str, own: pd.DataFrame) -> Table:
             plain(row.scenario),
             plain(label(row.controller, row.N)) + (f", {row.draws} draws" if row.draws > 1 else ""),
             *(f"{getattr(row, name):g}" for name in ("trials", *_COUNTED)),
-            with_interval(row, "right_less_wrong", "+.2f"),
+            interval_text(row, "right_less_wrong", "+.2f"),
         ]
         for place, row in zip(own[shown].itertuples(index=False), own.itertuples(), strict=True)
     ]

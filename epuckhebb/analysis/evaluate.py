@@ -56,7 +56,7 @@ class Traces:
     samples: Samples
     trials: Rows = field(default_factory=list)
 
-    def lifetimes_of(self, controller: str) -> dict[str, Samples]:
+    def side_samples(self, controller: str) -> dict[str, Samples]:
         """The samples of the lifetimes of a controller by side."""
         return {
             side: Samples(*(array[k] for array in self.samples))
@@ -102,7 +102,7 @@ def evaluate(
         (number, side, repeat) for number in range(len(everyone)) for side in SIDES for repeat in range(repeats)
     ]
     plan = plan or plan_of(network)
-    individuals = individuals_for(genes, everyone, wanted, nominal, plan, network, seed, evolved_signs)
+    individuals = make_individuals(genes, everyone, wanted, nominal, plan, network, seed, evolved_signs)
     outcomes = run_lifetimes(individuals, scenario, lifetime, threads, weight_path=has_control(controllers))
     rows = [
         {
@@ -140,7 +140,7 @@ def evaluate(
     return rows, traces
 
 
-def individuals_for(
+def make_individuals(
     genes: NDArray[np.float64],
     controllers: Sequence[Controller],
     wanted: Sequence[tuple[int, Side, int]],
@@ -165,7 +165,7 @@ def individuals_for(
     places = [(repeat, SIDES.index(side)) for repeat, side in pairs]
     keys = dict(zip(pairs, random.keys(seed, Stream.evaluation_noise, places), strict=True))
     task_keys = {repeat: int(random.key(seed, Stream.evaluation_task, repeat)) for repeat, _ in pairs}
-    of_side = {} if nominal is None else {side: nominal.of(side) for side in SIDES}
+    of_side = {} if nominal is None else {side: nominal.statistics(side) for side in SIDES}
 
     def individual(number: int, side: Side, repeat: int) -> Individual:
         carries = side == "right" and controllers[number].rule.carries_history

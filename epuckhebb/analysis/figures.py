@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from epuckhebb.analysis.charts import INK, SIDE
 from epuckhebb.analysis.evaluate import Traces
-from epuckhebb.analysis.image import in_house_style, plain
-from epuckhebb.analysis.moments import arrival, timed_change_text, with_gaps
+from epuckhebb.analysis.image import house_style, plain
+from epuckhebb.analysis.moments import arrival, insert_gaps, timed_change_text
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.tmaze.individual import CONTROLS, GA, HEBBIAN
@@ -41,7 +41,7 @@ OUTLINE = withStroke(linewidth=2, foreground="white")  # of letters
 _T = TypeVar("_T")
 
 
-@in_house_style()
+@house_style()
 def trajectories(traces: Traces, scenario: Scenario, title: str) -> Figure:
     """One maze for each controller: the paths on both sides, their start and their end."""
     controllers = list(dict.fromkeys(traces.controller))
@@ -57,7 +57,7 @@ def trajectories(traces: Traces, scenario: Scenario, title: str) -> Figure:
     return figure
 
 
-@in_house_style()
+@house_style()
 def maze(scenario: Scenario) -> Figure:
     """The maze with the robot at its start."""
     figure, (axes,) = _mazes(scenario, 1, "")
@@ -100,9 +100,10 @@ def view(maze: Maze) -> tuple[float, float, float, float]:
 
 
 class _Floor(NamedTuple):
-    """Where one can get to from the start, in fields between the edges of walls, in which a maze is the same.
+    """The floor of a maze, divided into fields by the edges of its walls, and the fields that a robot can reach.
 
-    x, y: edges of the fields [m]. free, reached: whether no wall is in a field, and whether one gets there, (y, x).
+    x, y: edges of the fields [m]. free, reached: whether no wall is in a field, and whether a robot can get there from
+    its start, (y, x).
     """
 
     x: Floats
@@ -190,7 +191,7 @@ def _draw_path(axes: Axes, samples: Samples, scenario: Scenario, side: Side) -> 
     time, pose = samples.time, samples.pose
     end = "is rewarded first" if scenario.task.has_trials else arrival(samples, scenario, side).text
     radius, start = scenario.robot.radius_m, scenario.maze.start
-    _, path = with_gaps(time, pose, scenario)
+    _, path = insert_gaps(time, pose, scenario)
     axes.plot(path[:, 0], path[:, 1], color=SIDE[side], linewidth=1.4, label=f"{side}: {end}")
     axes.add_patch(Circle((pose[-1, 0], pose[-1, 1]), radius, fill=False, edgecolor=SIDE[side], linewidth=1.2))
     axes.plot(start.x, start.y, marker="o", markersize=4, color="black")

@@ -1,7 +1,7 @@
 """Findings over many champions: success, ends, rescue and harm.
 
 `metrics` is the table of all lifetimes, with the columns of `epuckhebb.analysis.evaluate`; `genome` is the champion.
-All intervals and p values take champions as the independent unit: see `epuckhebb.analysis.statistics`.
+All intervals and p values take champions as the independent unit.
 """
 
 from collections.abc import Iterator, Sequence
@@ -122,7 +122,8 @@ def rescue_by_champion(each: pd.DataFrame) -> pd.DataFrame:
     """What happens to the trials of each champion in all changed worlds of an experiment together.
 
     `solves`: how many sides the GA solves in the training world; `training_harmed`: on how many of these the plasticity
-    fails there. `COUNTS`: see `rescue_and_harm`. The GA has rows, too; it rescues none.
+    fails there. The counts of broken, rescued, intact and harmed trials are those of `rescue_and_harm`. The GA has
+    rows, too; it rescues none.
     """
     rows = []
     for experiment, kind, rate in each[["experiment", "controller", "N"]].drop_duplicates().itertuples(index=False):
@@ -135,10 +136,11 @@ def rescue_by_champion(each: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def rescue_over_all(by_champion: pd.DataFrame) -> pd.DataFrame:
+def rescue_totals(by_champion: pd.DataFrame) -> pd.DataFrame:
     """Rescue and harm over all changed worlds of an experiment together, and harm in the training world.
 
-    by_champion: of `rescue_by_champion`. Columns as in `rescue_and_harm`.
+    by_champion: the table `rescue_by_champion.csv`. The counts and shares have the names that they have for one world
+    (`rescue_and_harm`).
     """
     rows = []
     plastic = by_champion[by_champion.controller != GA]

@@ -17,8 +17,8 @@ from PIL import Image
 from epuckhebb.analysis.charts import INK, SIDE
 from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.analysis.figures import LAMP, OBSTACLE, OUTLINE, WALL, controller_title, draw_maze, floor_colour, view
-from epuckhebb.analysis.image import in_house_style, plain
-from epuckhebb.analysis.moments import arrival, timed_change_text, with_gaps
+from epuckhebb.analysis.image import house_style, plain
+from epuckhebb.analysis.moments import arrival, insert_gaps, timed_change_text
 from epuckhebb.tmaze.robot import STEP_S
 from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.scenario import Scenario
@@ -28,7 +28,7 @@ _FRAME_S, _LAST_S = 0.1, 4.0  # GIF counts in hundredths of a second
 _PANEL, _MARGIN, _DPI = 3.6, 0.95, 100  # inches, inches above and below, pixels an inch
 
 
-@in_house_style()
+@house_style()
 def gif(traces: Traces, scenario: Scenario, title: str) -> bytes:
     """An animated GIF that repeats."""
     worlds = [world for _, world in scenario.phases]
@@ -74,7 +74,7 @@ def _frames(traces: Traces, scenario: Scenario, title: str) -> Iterator[Image.Im
         y = samples.pose[-1, 1] - (5.0 if side == "left" else 7.0) * radius
         text = "" if scenario.task.has_trials else f"{side} {'✓' if stayed else '✗'}"
         verdict = axes.text(x, y, text, fontsize=14, weight="bold", path_effects=[OUTLINE], **look)
-        moving.append((trail, body, nose, verdict, with_gaps(time, samples.pose, scenario)))
+        moving.append((trail, body, nose, verdict, insert_gaps(time, samples.pose, scenario)))
     phases = [(step * STEP_S, world) for step, world in scenario.phases]
     shown, drawn, still = -1, list[Artist](), None
     ahead = np.array([0.2, 0.9]) * radius

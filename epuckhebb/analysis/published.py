@@ -52,7 +52,7 @@ def compare(published: pd.DataFrame, each: pd.DataFrame, showcase: Mapping[str, 
     """
     rows = []
     for _, cell in published[published.experiment.isin(list(showcase))].iterrows():
-        here = _at_cell(each, cell).set_index("genome")
+        here = _cell_trials(each, cell).set_index("genome")
         values = here[cell.metric] if cell.metric in here else here.path_length_m / _DURATION_S[cell.experiment]
         ours = float(values.get(showcase[cell.experiment], np.nan))
         if cell.metric == "weight_change_mean" and cell.controller == GA:
@@ -71,7 +71,7 @@ def close(comparison: pd.DataFrame) -> str:
     return f"{int((numbers.relative_deviation.abs() <= _CLOSE).sum())} of {len(numbers)}"
 
 
-def _at_cell(table: pd.DataFrame, cell: "pd.Series[Any]") -> pd.DataFrame:
+def _cell_trials(table: pd.DataFrame, cell: "pd.Series[Any]") -> pd.DataFrame:
     rate = 0.0 if cell.controller == GA else PAPER_N[cell.experiment]
     return table[(table[["experiment", *CELL]] == cell[["experiment", *CELL]]).all(axis=1) & (rate == table.N)]
 

@@ -90,10 +90,10 @@ def page(
         ],
         "lifetimes": lifetimes,
     }
-    return with_data(Path(__file__).with_suffix(".html"), title, content, notes)
+    return fill_page(Path(__file__).with_suffix(".html"), title, content, notes)
 
 
-def with_data(template: Path, title: str, content: Mapping[str, Any], notes: Sequence[str] = ()) -> str:
+def fill_page(template: Path, title: str, content: Mapping[str, Any], notes: Sequence[str] = ()) -> str:
     """The HTML text of a page whose script reads its data from the page."""
     text, style, script = filled(template)
     filling = {

@@ -27,7 +27,7 @@ _UNKNOWN = (math.nan, math.nan)
 Statistic = Callable[..., NDArray[np.float64]]
 
 
-def intervals_over(what: str, counts: Sequence[int]) -> str:
+def interval_title(what: str, counts: Sequence[int]) -> str:
     """What a title says of intervals: over what they are, and from how many cases on there are any.
 
     counts: the cases of each row of the table.
@@ -39,7 +39,7 @@ def intervals_over(what: str, counts: Sequence[int]) -> str:
 def wilson(share: float, n: float) -> tuple[float, float]:
     """Wilson's 95 % interval of a share among n independent cases; n may be an effective number, with a fraction.
 
-    It is for the lifetimes of one champion, which differ in their noise alone. For champions see `wilson_by_champion`.
+    It is for the lifetimes of one champion, which differ in their noise alone; `wilson_by_champion` is for champions.
     Source: Wilson, J. Am. Stat. Assoc. 22 (1927) 209.
 
     Returns:
@@ -278,11 +278,17 @@ def interquartile_mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def improvement(ours: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The probability that a champion of ours exceeds one of the others; a tie counts one half. Source: as above."""
+    """The probability that a champion of ours exceeds one of the others; a tie counts one half.
+
+    Source: Agarwal et al., NeurIPS 34 (2021) 29304.
+    """
     ours, others = ours[..., :, None], others[..., None, :]
     return np.asarray(((ours > others).mean(axis=(-2, -1)) + (ours >= others).mean(axis=(-2, -1))) / 2)
 
 
 def performance_profile(values: NDArray[np.float64], thresholds: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The share of champions that exceed each threshold, (thresholds,). Source: as above."""
+    """The share of champions that exceed each threshold, (thresholds,).
+
+    Source: Agarwal et al., NeurIPS 34 (2021) 29304.
+    """
     return np.asarray((values > thresholds[:, None]).mean(axis=-1))

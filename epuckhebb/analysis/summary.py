@@ -15,7 +15,7 @@ from epuckhebb.analysis import ends, findings, rescue
 from epuckhebb.analysis.evaluate import MEANS
 from epuckhebb.analysis.lifetimes import is_of_plasticity, numeric
 from epuckhebb.analysis.statistics import LEAST, bootstrap, mean, wilson, wilson_by_champion
-from epuckhebb.analysis.tables import Table, code, plain, with_interval
+from epuckhebb.analysis.tables import Table, code, interval_text, plain
 from epuckhebb.tmaze.individual import GA
 from epuckhebb.tmaze.maze import SIDES
 from epuckhebb.tmaze.scenario import TRAINED
@@ -51,7 +51,7 @@ def has_champions(rows: pd.DataFrame) -> bool:
     return bool((rows.groupby("experiment").genome.nunique() > 1).any())
 
 
-def over_champions(rows: pd.DataFrame, settings: list[str]) -> pd.DataFrame:
+def champion_means(rows: pd.DataFrame, settings: list[str]) -> pd.DataFrame:
     """One row for each condition, controller and side: means over champions, with 95 % bootstrap intervals.
 
     How far the weights are from the genes at the end, and how far they moved in all, have no interval: they show
@@ -138,7 +138,7 @@ def rescue_and_harm(rows: pd.DataFrame) -> tuple[dict[str, pd.DataFrame], str] |
     lifetimes = numeric(rows)
     each = findings.trials(lifetimes)
     by_champion, by_scenario = findings.rescue_by_champion(each), findings.rescue_and_harm(each)
-    over_all = findings.rescue_over_all(by_champion)
+    over_all = findings.rescue_totals(by_champion)
     champions = int(each.groupby("experiment").genome.nunique().max())
     seeds = f"{code(each.genome.iloc[0])} to {code(each.genome.iloc[-1])}"
     page = rescue.markdown(over_all, by_scenario, champions, lifetimes.repeat.nunique(), seeds)
@@ -154,7 +154,7 @@ def readable(tables: Mapping[str, pd.DataFrame]) -> list[Table]:
     """
     harm = []
     if "rescue_over_all" in tables:
-        harm = [rescue.over_all_table(own) for _, own in tables["rescue_over_all"].groupby("experiment", sort=False)]
+        harm = [rescue.totals_table(own) for _, own in tables["rescue_over_all"].groupby("experiment", sort=False)]
     if "over_champions" in tables:
         own = tables["over_champions"].rename(columns={"champions": "n"})
         success = _success_table(own, "mean over {} champions", " over champions")
@@ -188,7 +188,7 @@ def _success_table(summary: pd.DataFrame, of: str, interval_is: str) -> list[Tab
         value = f"{row[_REWARDED]:.3f}" if rewarded else f"{row['success']:.2f}"
         if has_interval:
             name, form = (_REWARDED, ".3f") if rewarded else ("success", ".2f")
-            value = with_interval(pd.Series(row), name, form)
+            value = interval_text(pd.Series(row), name, form)
         rows.setdefault(place, {})[row["side"]] = value + ("" if same else f" of {row['n']}")
     facts = [of.format(summary.n.iloc[0])] if same else []
     facts += (

@@ -39,8 +39,8 @@ class Table:
         return Table([self.headings[column] for column in columns], rows, self.title, text)
 
 
-def with_interval(row: Any, name: str, form: str = ".2f", unit: str = "") -> str:
-    """A number of a row of a table with its interval, as far as they are known; a dash without the number.
+def interval_text(row: Any, name: str, form: str = ".2f", unit: str = "") -> str:
+    """A number of a row of a table as text, with its interval, as far as they are known; a dash without the number.
 
     name: of the column. Its interval is in `NAME_low` and `NAME_high`, that of `A_share` in `A_low` and `A_high`.
     """

@@ -141,15 +141,15 @@ def takes_options(command: Callable[..., None]) -> Callable[..., None]:
     return called
 
 
-def with_experiment(words: list[str] | None, default: str) -> tuple[str, list[str]]:
+def split_experiment(words: list[str] | None, default: str) -> tuple[str, list[str]]:
     """The experiment that stands before the overrides, or the default; and the overrides, champions named."""
-    overrides = with_genomes_named(words)
+    overrides = resolve_genomes(words)
     if overrides and "=" not in overrides[0]:
         return overrides[0], overrides[1:]
     return default, overrides
 
 
-def with_genomes_named(overrides: list[str] | None) -> list[str]:
+def resolve_genomes(overrides: list[str] | None) -> list[str]:
     """Overrides in which the folder of the latest evolution stands in place of `genome=latest` and `resume=latest`.
 
     A run then notes which evolution it used, whatever evolves later.

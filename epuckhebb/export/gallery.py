@@ -5,7 +5,7 @@ from tempfile import TemporaryDirectory
 
 import yaml
 
-from epuckhebb.analysis.replay import with_data
+from epuckhebb.analysis.replay import fill_page
 from epuckhebb.config import load_any
 from epuckhebb.export.replay import replay
 from epuckhebb.runs import evaluate_into
@@ -33,7 +33,7 @@ def gallery(folder: Path) -> list[Path]:
             say(f"{exhibit['file']} is left out: {error}")
         else:
             made.append(exhibit)
-    write_atomic(folder / "index.html", with_data(_HERE.with_suffix(".html"), "gallery", {"exhibits": made}).encode())
+    write_atomic(folder / "index.html", fill_page(_HERE.with_suffix(".html"), "gallery", {"exhibits": made}).encode())
     return [folder / name for name in (*(exhibit["file"] for exhibit in made), "index.html")]
 
 

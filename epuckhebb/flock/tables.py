@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from epuckhebb.analysis.statistics import bootstrap, mean, wilson_by_champion
-from epuckhebb.analysis.tables import Table, code, with_interval
+from epuckhebb.analysis.tables import Table, code, interval_text
 from epuckhebb.flock.plane import CHANGE_S, SAMPLE_S, Flock, Record
 
 CONDITION = ("loudness", "knowers", "range_m", "breaks", "coupling")
@@ -28,7 +28,7 @@ WHAT_BREAKS = {
 }
 
 
-def metrics_of(flock: Flock, record: Record) -> dict[str, float]:
+def run_metrics(flock: Flock, record: Record) -> dict[str, float]:
     """The metrics of a run.
 
     before, just_after, long_after: mean cosine of heading to the goal of the intact robots, in the second half of the
@@ -105,7 +105,7 @@ def curves(minutes: pd.DataFrame, seed: int) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def by_minute(flock: Flock, record: Record) -> list[float]:
+def minute_cosines(flock: Flock, record: Record) -> list[float]:
     """The mean cosine of heading to the goal in each minute, of the robots that do not break."""
     cosines, size = heading_cosine(flock, record), round(60 / SAMPLE_S)
     return [float(cosines[first : first + size].mean()) for first in range(0, len(cosines), size)]
@@ -128,10 +128,10 @@ def main_tables(table: pd.DataFrame) -> list[Table]:
     for breaks, own in usual(table).groupby("breaks", sort=False):
         rows = []
         for row in own.itertuples():
-            cells = [with_interval(row, name, ".3f") for name in ("before", "just_after", "long_after")]
-            cells += ["–" if row.coupling == "frozen" else with_interval(row, "difference", "+.3f")]
+            cells = [interval_text(row, name, ".3f") for name in ("before", "just_after", "long_after")]
+            cells += ["–" if row.coupling == "frozen" else interval_text(row, "difference", "+.3f")]
             cells += [f"{row.good * row.runs:.0f} of {row.runs}"]
-            cells += [with_interval(row, name) for name in METRICS[3:7]]
+            cells += [interval_text(row, name) for name in METRICS[3:7]]
             rows.append([_name(row.coupling), *cells, f"{1000 * row.least_gap_m:.1f}"])
         tables.append(Table(head, rows, f"{WHAT_BREAKS[str(breaks)].capitalize()} (n = {own.runs.iloc[0]})"))
     return tables
@@ -146,7 +146,7 @@ def sweep_table(table: pd.DataFrame) -> Table:
         cells = {row.coupling: row for row in own.itertuples()}
         rows.append(
             [str(breaks), f"{loudness:g}", f"{knowers}", f"{range_m:g}", f"{own.runs.iloc[0]}"]
-            + [with_interval(cells[name], "long_after") for name in names]
+            + [interval_text(cells[name], "long_after") for name in names]
         )
     return Table(["breaks", "loudness", "knowers", "range (m)", "n", *map(_name, names)], rows)
 
@@ -167,7 +167,7 @@ def page(table: pd.DataFrame, made: str, figures: Sequence[str]) -> str:
     )
 
 
-def title_of(coupling: str) -> str:
+def coupling_title(coupling: str) -> str:
     """A coupling in a picture."""
     return coupling.replace("_", " ").replace(" x ", " × ")
 

@@ -40,7 +40,7 @@ def _cells(values: Sequence[Any]) -> list[Any]:
     return [float(value) if has_fraction and not isinstance(value, str) else value for value in cells]
 
 
-def rows_of(text: str) -> Rows:
+def parse_csv(text: str) -> Rows:
     """The rows of a table in CSV, None in cells without a value; whole numbers beside these are read as 3.0."""
     names, *lines = csv.reader(io.StringIO(text)) or [[]]
     columns = [_values(name, cells) for name, cells in zip(names, zip(*lines, strict=True), strict=False)]
