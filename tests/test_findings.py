@@ -12,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from epuckhebb.analysis import claims, findings, published, report
+from epuckhebb.analysis import claims, findings, published
+from epuckhebb.analysis.page import study_page
 from epuckhebb.analysis.statistics import (
     RESAMPLES,
     bootstrap,
@@ -494,7 +495,7 @@ def test_comparison_puts_ours_beside_theirs(paper):
 
 def test_the_page_of_a_report_has_no_style_but_its_own_and_columns_end_at_the_right_as_markdown_has_them():
     table = "| scenario | share | p |\n| --- | ---: | --- |\n| 2obstacles | 0.56 [0.36, 0.74] | – |\n"
-    page = report.html(table, lambda _: b"")
+    page = study_page(table, lambda _: b"")
     assert not re.search(r"<[^>]* style=", page)
     assert '<td>2obstacles</td>\n<td class="number">0.56 [0.36, 0.74]</td>\n<td>–</td>' in page
     assert '<th>scenario</th>\n<th class="number">share</th>' in page

@@ -61,14 +61,15 @@ def annotate_row(axes: Axes, text: str, place: float, points: float = 4, **look:
 def empty_figure() -> Figure:
     """A figure that says why it has no row."""
     figure = Figure(figsize=(5.2, 1.0))
-    figure.text(
-        0.5,
-        0.5,
-        f"Fewer than {LEAST} champions have such trials: no interval, and no figure.",
-        ha="center",
-        va="center",
-    )
+    text = f"Fewer than {LEAST} champions have such trials: no interval, and no figure."
+    figure.text(0.5, 0.5, text, ha="center", va="center")
     return figure
+
+
+def sample_size(rows: "pd.DataFrame") -> str:
+    """How many champions intervals are over; of a single one, how many lifetimes."""
+    champions, lifetimes = rows[["champions", "lifetimes"]].max()
+    return f"{champions} champions" if champions > 1 else f"{lifetimes} lifetimes"
 
 
 def draw_interval(axes: Axes, x: "Sequence[float] | pd.Series", rows: "pd.DataFrame", column: str, **look: Any) -> None:
@@ -104,10 +105,10 @@ def dose_response(doses: "pd.DataFrame") -> Figure:
         panels[0].set_ylim(-0.04, 1.04)
         if (own.weight_change_mean > 0).any():  # an adaptation may never act
             panels[1].set_yscale("log")
-        count = own[["champions", "lifetimes"]].max()
-        n, unit = (count.champions, "champions") if count.champions > 1 else (count.lifetimes, "lifetimes")
-        place = {"xycoords": "axes fraction", "textcoords": "offset points", "va": "center"}
-        panels[2].annotate(f"n = {n}\n{unit}", (1, 0.5), (7, 0), **place)
+        n = sample_size(own).replace(" ", "\n")
+        panels[2].annotate(
+            f"n = {n}", (1, 0.5), (7, 0), xycoords="axes fraction", textcoords="offset points", va="center"
+        )
     for axes, label in zip(rows[0], _DOSES.values(), strict=True):
         axes.annotate(label, (0.5, 1.22), xycoords="axes fraction", ha="center")
     for axes in rows[-1]:
@@ -299,9 +300,8 @@ def lifetime(course: "pd.DataFrame", title: str, changes: Sequence[int]) -> Figu
     for (name, own), (colour, line) in zip(course.groupby("controller", sort=False), itertools.cycle(SERIES)):
         for axes, column in zip(panels, ("reward", "weight_change"), strict=True):
             axes.plot(own.step, own[column], color=colour, linestyle=line, label=plain(str(name)))
-        panels[0].fill_between(
-            own.step, own.reward_quartile_1, own.reward_quartile_3, color=colour, alpha=0.15, linewidth=0
-        )
+        quartiles = own.reward_quartile_1, own.reward_quartile_3
+        panels[0].fill_between(own.step, *quartiles, color=colour, alpha=0.15, linewidth=0)
     for axes, label in zip(panels, ("mean reward of a step, quartiles", "weight change"), strict=True):
         for step in changes:
             axes.axvline(step, color=INK, linewidth=0.8, linestyle=":")
@@ -335,9 +335,7 @@ def returns(rows: "pd.DataFrame") -> Figure:
         axes.grid(axis="x")
     panels[0].set_yticks(range(len(names)), [plain(name) for name in names])
     panels[0].invert_yaxis()
-    count, unit = rows.champions.max(), "champions"
-    if count == 1:
-        count, unit = rows.lifetimes.max(), "lifetimes"
-    drawn.supxlabel(f"mean of n = {count} {unit}, 95 % interval; beside it, the return after the change", fontsize=9)
+    n = sample_size(rows)
+    drawn.supxlabel(f"mean of n = {n}, 95 % interval; beside it, the return after the change", fontsize=9)
     drawn.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
     return drawn

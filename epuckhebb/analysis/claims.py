@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from epuckhebb.analysis.findings import PAPER_N, outcomes, ratio, solved_in_training
-from epuckhebb.analysis.statistics import bootstrap, mean, wilson_by_champion
+from epuckhebb.analysis.statistics import bootstrap, bounds, mean, wilson_by_champion
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.tmaze.individual import CONTROLS, GA, HEBBIAN
 
@@ -37,13 +37,13 @@ def claim(
     claim is true, of how many, (champions,). control: in how many it is true with shuffled signs.
     """
     true, n, champions = int(part.sum()), int(whole.sum()), int((whole > 0).sum())
-    low, high = wilson_by_champion(part, whole)
+    interval = wilson_by_champion(part, whole)
     row = {"claim": text, "counted": counted, "true": true, "n": n, "champions": champions}
-    row |= {"share": ratio(true, n), "low": low, "high": high}
+    row |= {"share": ratio(true, n), **bounds("", interval)}
     if control is not None:
-        row |= dict(zip(("control_low", "control_high"), wilson_by_champion(control, whole), strict=True))
+        row |= bounds("control_", wilson_by_champion(control, whole))
         row |= {"control_true": int(control.sum()), "control_share": ratio(int(control.sum()), n)}
-    return row | {"verdict": verdict(low, high, n, champions)}
+    return row | {"verdict": verdict(*interval, n, champions)}
 
 
 def verdict(low: float, high: float, n: int, champions: int, paper: float | None = None) -> str:
@@ -199,10 +199,9 @@ def showcase(each: pd.DataFrame, published: pd.DataFrame, experiment: str) -> tu
 def _count(
     text: str, counted: str, true: pd.Series, among: pd.Series, control: pd.Series | None = None
 ) -> dict[str, Any]:
-    part, whole = _champion_counts(true, among)
-    return claim(
-        text, counted, part, whole, None if control is None or control.empty else _champion_counts(control, among)[0]
-    )
+    """A claim that is true in some trials `among` those that could show it. control: the same with shuffled signs."""
+    controls = None if control is None or control.empty else _champion_counts(control, among)[0]
+    return claim(text, counted, *_champion_counts(true, among), controls)
 
 
 def _either(text: str, broken: pd.Series, own: pd.Series, other: pd.Series) -> dict[str, Any]:

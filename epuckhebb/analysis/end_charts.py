@@ -60,9 +60,8 @@ def _draw_ends(axes: Axes, own: pd.DataFrame) -> None:
         axes.barh(range(len(own)), shares, left=start, height=0.8, color=colour, edgecolor="white", label=_TEXT[end])
         for place, count in enumerate(own[end]):
             if shares[place] >= _LEAST_SHARE:
-                axes.text(
-                    start[place] + shares[place] / 2, place, f"{count:.0f}", color=letters, ha="center", va="center"
-                )
+                middle = start[place] + shares[place] / 2
+                axes.text(middle, place, f"{count:.0f}", color=letters, ha="center", va="center")
         start += shares
     axes.set(xlim=(0, 1), xticks=(0, 0.5, 1), xticklabels=("0", "½", "1"))
     axes.invert_yaxis()

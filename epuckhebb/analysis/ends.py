@@ -15,18 +15,17 @@ import numpy as np
 import pandas as pd
 
 from epuckhebb.analysis import findings
-from epuckhebb.analysis.controls import exchange_genomes
+from epuckhebb.analysis.findings import BROKEN, INTACT, UNSOLVED
 from epuckhebb.analysis.lifetimes import is_of_plasticity, numeric
 from epuckhebb.analysis.rescue import label
-from epuckhebb.analysis.statistics import bootstrap, mean, sign_flip
+from epuckhebb.analysis.statistics import bootstrap, bounds, mean, sign_flip
 from epuckhebb.analysis.tables import Table, interval_text, plain
-from epuckhebb.tmaze.individual import GA, HEBBIAN
+from epuckhebb.tmaze.individual import HEBBIAN
 from epuckhebb.tmaze.maze import SIDES
 from epuckhebb.tmaze.outcome import End
-from epuckhebb.tmaze.scenario import TRAINED
 
 OTHER = "another champion"
-ALL, BROKEN, INTACT, UNSOLVED = "all", "broken", "intact", "unsolved"
+ALL = "all"
 MEANING = (
     "A trial ends *right* within 5 cm of its goal at the last step, *wrong* within 5 cm of the goal of the other side, "
     "*elsewhere* if it does neither; it has the end of more than half of its repeats, and *elsewhere* without such. It "
@@ -43,23 +42,14 @@ _COUNTED = [End.right.value, End.wrong.value, End.elsewhere.value, "arrived"]
 def trials(rows: pd.DataFrame, settings: Sequence[str] = ()) -> pd.DataFrame:
     """One row for each condition, champion and side: `end`, `arrived` and `fate`.
 
-    `fate`: what the world does to the trial without plasticity. `broken`: solved in the training world, but not here;
-    `intact`: solved in both; `unsolved`: not solved in the training world; empty where the rows do not hold the
-    training world with the same settings, or where keys of a scenario vary one by one.
+    `fate` is that of `findings.find_fates`, where the rows hold the training world with the same settings; it is empty
+    where keys of a scenario vary one by one.
     """
     conditions = [key for key in settings if key not in ("genome", "N")]
-    each = findings.trials(numeric(rows), conditions)
     world = [key for key in conditions if not is_of_plasticity(key) and key != "scenario"]
-    trial = [*dict.fromkeys([*world, "experiment", *findings.TRIAL])]
-    alone = each[each.controller == GA]
-    here = alone.set_index([*trial, "scenario"]).succeeds
-    in_training = alone[alone.scenario == alone.experiment.map(TRAINED)].set_index(trial).succeeds
+    each = findings.find_fates(findings.trials(numeric(rows), conditions), world)
     if any(key in _OF_SCENARIO or key.startswith("scenario.") for key in world):
-        in_training = in_training[:0]
-    solved = in_training.reindex(pd.MultiIndex.from_frame(each[trial]))
-    stays = here.reindex(pd.MultiIndex.from_frame(each[[*trial, "scenario"]]))
-    fates = [solved.isna(), solved.eq(False), stays.eq(True), stays.eq(False)]
-    each["fate"] = np.select([fate.to_numpy() for fate in fates], ["", UNSOLVED, INTACT, BROKEN], "")
+        each["fate"] = ""
     more = [key for key in conditions if key not in _CELL]
     return each[[*more, *_CELL, *findings.TRIAL, "end", "arrived", "fate"]]
 
@@ -99,16 +89,22 @@ def ends(each: pd.DataFrame) -> pd.DataFrame:
     each: the trials.
     """
     return pd.DataFrame(
-        list(_ends(_merge_draws(_counted(pd.concat([each, _exchanged_trials(each)], ignore_index=True)))))
+        list(_ends(_merge_draws(_counted(pd.concat([each, _exchange_genomes(each)], ignore_index=True)))))
     )
 
 
-def _exchanged_trials(each: pd.DataFrame) -> pd.DataFrame:
-    """The trials of the paper's rule, each in the place of another champion, and with the fate of that one's trial."""
+def _exchange_genomes(each: pd.DataFrame) -> pd.DataFrame:
+    """The trials of the paper's rule with the genome of the next champion of the experiment in each one's place.
+
+    A lifetime depends on its genome, world, side, repeat and seed alone, so these lifetimes have been run. The fate is
+    that of the trial of the champion whose place it is.
+    """
     own = each[(each.controller == HEBBIAN) & (each.groupby("experiment").genome.transform("nunique") > 1)]
-    trial = [*own.columns[: own.columns.get_loc("end")]]
-    others = exchange_genomes(own.drop(columns="fate")).merge(own[[*trial, "fate"]], on=trial)
-    return others.assign(controller=OTHER)
+    trial, others = [*own.columns[: own.columns.get_loc("end")]], own.drop(columns="fate")
+    for _, rows in own.groupby("experiment", sort=False):
+        first, *names = rows.genome.unique()
+        others.loc[rows.index, "genome"] = rows.genome.map(dict(zip([*names, first], [first, *names], strict=True)))
+    return others.merge(own[[*trial, "fate"]], on=trial).assign(controller=OTHER)
 
 
 def _ends(each: pd.DataFrame) -> Iterator[dict[str, Any]]:
@@ -125,8 +121,8 @@ def _ends(each: pd.DataFrame) -> Iterator[dict[str, Any]]:
             row |= (of_champion.sum() / draws).to_dict()
             row |= {"champions": len(less), "right_less_wrong": less.mean() / draws}
             for name, percentiles in _PERCENTILES.items():
-                low, high = bootstrap(mean, less.to_numpy() / draws, percentiles=percentiles)
-                row |= {f"right_less_wrong{name}_low": low, f"right_less_wrong{name}_high": high}
+                interval = bootstrap(mean, less.to_numpy() / draws, percentiles=percentiles)
+                row |= bounds(f"right_less_wrong{name}_", interval)
             yield row | {"sign_flip_p": sign_flip(less.to_numpy(np.int64))}
 
 

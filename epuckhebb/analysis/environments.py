@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from epuckhebb.analysis.statistics import LEAST, bootstrap, difference, holm, mean, permutation, sign_flip
+from epuckhebb.analysis.statistics import LEAST, bootstrap, bounds, difference, holm, mean, permutation, sign_flip
 from epuckhebb.analysis.tables import Table, interval_text, plain
 from epuckhebb.worlds.environment import Lived
 
@@ -63,7 +63,7 @@ def table(metrics: pd.DataFrame, by: Sequence[str] = ("controller", "N")) -> pd.
             values = cases[column].to_numpy(float)
             row[column] = float(np.nanmean(values)) if np.isfinite(values).any() else np.nan
             if column in _RETURNS:
-                row[f"{column}_low"], row[f"{column}_high"] = bootstrap(mean, values)
+                row |= bounds(f"{column}_", bootstrap(mean, values))
         row["reached"] = int(own.reached.sum())
         row["recovered"] = int(own.recovery_steps.notna().sum())
         rows.append(row)
@@ -115,8 +115,7 @@ def effects(metrics: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
                 p = sign_flip(values[0] - values[1]) if is_paired else permutation(*values)
                 row = {"controller": name, "against": other, "is_paired": is_paired}
                 row |= {"champions": len(pair[0]), "others": len(pair[1])}
-                ends = dict(zip(("effect_low", "effect_high"), bootstrap(*found), strict=True))
-                effect = {"effect": values[0].mean() - values[1].mean(), **ends, "p": p}
+                effect = {"effect": values[0].mean() - values[1].mean(), **bounds("effect_", bootstrap(*found)), "p": p}
                 rows.append(dict(zip(by, world, strict=True)) | row | effect)
     return pd.DataFrame(rows).assign(p_holm=holm([row["p"] for row in rows])) if rows else pd.DataFrame()
 

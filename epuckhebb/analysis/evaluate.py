@@ -52,17 +52,19 @@ class Traces:
     """
 
     controller: list[str]
-    side: list[str]
+    side: list[Side]
     samples: Samples
     trials: Rows = field(default_factory=list)
 
+    @property
+    def lifetimes(self) -> list[tuple[str, Side, Samples]]:
+        """The controller, the side and the samples of each lifetime."""
+        samples = (Samples(*arrays) for arrays in zip(*self.samples, strict=True))
+        return list(zip(self.controller, self.side, samples, strict=True))
+
     def side_samples(self, controller: str) -> dict[str, Samples]:
         """The samples of the lifetimes of a controller by side."""
-        return {
-            side: Samples(*(array[k] for array in self.samples))
-            for k, (name, side) in enumerate(zip(self.controller, self.side, strict=True))
-            if name == controller
-        }
+        return {side: samples for name, side, samples in self.lifetimes if name == controller}
 
 
 def evaluate(

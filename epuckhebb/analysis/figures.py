@@ -47,10 +47,9 @@ def trajectories(traces: Traces, scenario: Scenario, title: str) -> Figure:
     controllers = list(dict.fromkeys(traces.controller))
     figure, panels = _mazes(scenario, len(controllers))
     for axes, controller in zip(panels, controllers, strict=True):
-        for lifetime, side in enumerate(traces.side):
-            if traces.controller[lifetime] == controller:
-                samples = Samples(*(array[lifetime] for array in traces.samples))
-                _draw_path(axes, samples, scenario, "left" if side == "left" else "right")
+        for name, side, samples in traces.lifetimes:
+            if name == controller:
+                _draw_path(axes, samples, scenario, side)
         axes.set_title(plain(controller_title(controller)), fontsize=11)
         axes.legend(ncols=2, fontsize=8.5, loc="upper center", bbox_to_anchor=(0.5, -0.13))
     figure.suptitle(textwrap.fill(plain(title), 54 * len(controllers)))

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from epuckhebb.analysis import findings
 from epuckhebb.analysis.statistics import (
     bootstrap,
+    bounds,
     difference,
     holm,
     improvement,
@@ -114,22 +115,18 @@ def table(rows: Sequence[Row], champions: pd.DataFrame) -> pd.DataFrame:
         own = _champions(champions, row.experiment, row.method)
         control = _champions(champions, row.experiment, row.matched_control)
         solves = own[own.solves == 1]
-        solved_low, solved_high = wilson_by_champion(own.solves.to_numpy(np.int64), np.ones(len(own), np.int64))
         shares = _shares(own)
-        low, high = bootstrap(interquartile_mean, shares)
         found.append(
             {
                 **{name: getattr(row, name) for name in _OF_ROW},
                 "champions": len(own),
                 "solved": len(solves),
-                "solved_low": solved_low,
-                "solved_high": solved_high,
+                **bounds("solved_", wilson_by_champion(own.solves.to_numpy(np.int64), np.ones(len(own), np.int64))),
                 "trials": int(own.trials.sum()),
                 "successes": int(own.successes.sum()),
                 **_success(own, "success"),
                 "iqm": float(interquartile_mean(shares)),
-                "iqm_low": low,
-                "iqm_high": high,
+                **bounds("iqm_", bootstrap(interquartile_mean, shares)),
                 "best": shares.max(),
                 **_success(solves, "retention"),
                 **_difference(own, control, paired=row.kind == POST_HOC),
@@ -188,13 +185,13 @@ def _success(champions: pd.DataFrame, name: str) -> dict[str, float]:
     its interval is a bootstrap, as that of the difference beside it.
     """
     trials, successes = champions.trials.to_numpy(np.int64), champions.successes.to_numpy(np.int64)
-    shares, low, high = _shares(champions), np.nan, np.nan
+    shares, interval = _shares(champions), (np.nan, np.nan)
     if (champions.experiment == REVERSAL).all():
-        low, high = bootstrap(mean, shares)
+        interval = bootstrap(mean, shares)
     elif len(set(shares)) > 1:
-        low, high = wilson_by_champion(successes, trials)
+        interval = wilson_by_champion(successes, trials)
     share = successes.sum() / trials.sum() if len(trials) else np.nan
-    return {name: share, f"{name}_low": low, f"{name}_high": high}
+    return {name: share, **bounds(f"{name}_", interval)}
 
 
 def _share(successes: "pd.Series[Any]", trials: "pd.Series[Any]") -> float:

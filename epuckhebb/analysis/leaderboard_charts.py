@@ -26,9 +26,7 @@ def success(board: pd.DataFrame, champions: pd.DataFrame, limits: Mapping[str, f
     board, champions: the rows of the experiment in the two tables of `analysis.leaderboard`; methods with fewer than
     six champions are left out. limits: lines with their names, such as chance and the optimum.
     """
-    is_reversal = bool(
-        (board.experiment == leaderboard.REVERSAL).all()
-    )  # there all have the same knowledge, the reward
+    is_reversal = bool((board.experiment == leaderboard.REVERSAL).all())  # all have one knowledge there, the reward
     by = "experiment" if is_reversal else "knowledge_class"
     groups = list(board[board.champions >= LEAST].groupby(by, sort=False))
     if not groups:

@@ -20,7 +20,6 @@ from epuckhebb.analysis.figures import LAMP, OBSTACLE, OUTLINE, WALL, controller
 from epuckhebb.analysis.image import house_style, plain
 from epuckhebb.analysis.moments import arrival, insert_gaps, timed_change_text
 from epuckhebb.tmaze.robot import STEP_S
-from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.scenario import Scenario
 
 _SPEED = 16  # s of a lifetime in a second of film
@@ -62,13 +61,13 @@ def _frames(traces: Traces, scenario: Scenario, title: str) -> Iterator[Image.Im
     figure.suptitle(textwrap.fill(plain(title), 48 * len(controllers)), fontsize=8)
     clock = figure.supxlabel("0 s", fontsize=12, animated=True)
     moving: list[tuple[Any, ...]] = []
-    for number, (controller, side) in enumerate(zip(traces.controller, traces.side, strict=True)):
-        samples, axes = Samples(*(array[number] for array in traces.samples)), panels[controller]
+    for controller, side, samples in traces.lifetimes:
+        axes = panels[controller]
         look: dict[str, Any] = {"color": SIDE[side], "animated": True}
         (trail,) = axes.plot([], [], linewidth=1.8, **look)
         body = axes.add_patch(Circle((0, 0), radius, alpha=0.85, zorder=3, **look))
         (nose,) = axes.plot([], [], color="white", linewidth=2.5, zorder=4, animated=True)
-        stayed = arrival(samples, scenario, "left" if side == "left" else "right").stayed
+        stayed = arrival(samples, scenario, side).stayed
         ends_left = samples.pose[-1, 0] < (left + right) / 2
         x, look["ha"] = (left + 0.05, "left") if ends_left else (right - 0.05, "right")
         y = samples.pose[-1, 1] - (5.0 if side == "left" else 7.0) * radius

@@ -55,7 +55,7 @@ def page(
     speed [rad/s] at a network output of 1. network: of these genes. notes: lines below it.
     """
     controllers = list(dict.fromkeys(traces.controller))
-    place = {of: k for k, of in reversed(list(enumerate(zip(traces.controller, traces.side, strict=True))))}
+    recorded = {(name, side): samples for name, side, samples in reversed(traces.lifetimes)}
     sides = [side for side in SIDES if side in traces.side]
     time = traces.samples.time[0]
     every = math.ceil(len(time) / _MOST_SAMPLES)
@@ -64,7 +64,7 @@ def page(
     lifetimes = {}
     has_trials = scenario.task.has_trials
     for side in sides:
-        of_side = [Samples(*(array[place[name, side]] for array in traces.samples)) for name in controllers]
+        of_side = [recorded[name, side] for name in controllers]
         arrivals = [arrival(samples, scenario, side) for samples in of_side]
         lifetimes[side] = [
             {

@@ -36,6 +36,11 @@ def interval_title(what: str, counts: Sequence[int]) -> str:
     return f"95 % intervals over {what}" + ("" if min(counts) >= LEAST else f", which need {LEAST}: here {numbers}")
 
 
+def bounds(name: str, interval: tuple[float, float]) -> dict[str, float]:
+    """The two cells of a table for an interval: `NAMElow` and `NAMEhigh`."""
+    return dict(zip((f"{name}low", f"{name}high"), interval, strict=True))
+
+
 def wilson(share: float, n: float) -> tuple[float, float]:
     """Wilson's 95 % interval of a share among n independent cases; n may be an effective number, with a fraction.
 

@@ -14,7 +14,7 @@ import pandas as pd
 from epuckhebb.analysis import ends, findings, rescue
 from epuckhebb.analysis.evaluate import MEANS
 from epuckhebb.analysis.lifetimes import is_of_plasticity, numeric
-from epuckhebb.analysis.statistics import LEAST, bootstrap, mean, wilson, wilson_by_champion
+from epuckhebb.analysis.statistics import LEAST, bootstrap, bounds, mean, wilson, wilson_by_champion
 from epuckhebb.analysis.tables import Table, code, interval_text, plain
 from epuckhebb.tmaze.individual import GA
 from epuckhebb.tmaze.maze import SIDES
@@ -80,10 +80,10 @@ def _means(lifetimes: pd.DataFrame, *, several: bool = True) -> dict[str, float]
         values = lifetimes.groupby("genome", sort=False)[column].mean() if several else lifetimes[column]
         each = values.to_numpy(float)
         if column != "success":
-            low, high = bootstrap(mean, each)
+            interval = bootstrap(mean, each)
         else:
-            low, high = wilson_by_champion(each, np.ones(len(each))) if several else wilson(each.mean(), len(each))
-        means |= {column: values.mean(), f"{column}_low": low, f"{column}_high": high}
+            interval = wilson_by_champion(each, np.ones(len(each))) if several else wilson(each.mean(), len(each))
+        means |= {column: values.mean(), **bounds(f"{column}_", interval)}
     return means
 
 

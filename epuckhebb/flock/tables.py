@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from epuckhebb.analysis.statistics import bootstrap, mean, wilson_by_champion
+from epuckhebb.analysis.statistics import bootstrap, bounds, mean, wilson_by_champion
 from epuckhebb.analysis.tables import Table, code, interval_text
 from epuckhebb.flock.plane import CHANGE_S, SAMPLE_S, Flock, Record
 
@@ -84,13 +84,13 @@ def table(runs: pd.DataFrame, seed: int) -> pd.DataFrame:
     for condition, own in runs.groupby(list(CONDITION), sort=False):
         good = (own.long_after > _GOOD).to_numpy(np.int64)
         row = dict(zip(CONDITION, condition, strict=True)) | {"runs": len(own), "good": good.mean()}
-        row["good_low"], row["good_high"] = wilson_by_champion(good, np.ones_like(good))
+        row |= bounds("good_", wilson_by_champion(good, np.ones_like(good)))
         paired = own.set_index([*CONDITION[:-1], "seed"]).long_after
         values = {name: own[name] for name in METRICS} | {"difference": paired - frozen.loc[paired.index]}
         for name, each in values.items():
             row[name] = each.min() if name == "least_gap_m" else each.mean()
             if name != "least_gap_m":
-                row[f"{name}_low"], row[f"{name}_high"] = bootstrap(mean, each.to_numpy(), seed=seed)
+                row |= bounds(f"{name}_", bootstrap(mean, each.to_numpy(), seed=seed))
         rows.append(row)
     return pd.DataFrame(rows)
 
@@ -99,9 +99,8 @@ def curves(minutes: pd.DataFrame, seed: int) -> pd.DataFrame:
     """The mean over flocks at each minute, with its interval. minutes: a row for each run and minute."""
     rows = []
     for (breaks, coupling, minute), own in minutes.groupby(["breaks", "coupling", "minute"], sort=False):
-        low, high = bootstrap(mean, own.cosine.to_numpy(), seed=seed)
-        found = {"breaks": breaks, "coupling": coupling, "minute": minute}
-        rows.append({**found, "cosine": own.cosine.mean(), "cosine_low": low, "cosine_high": high})
+        row = {"breaks": breaks, "coupling": coupling, "minute": minute, "cosine": own.cosine.mean()}
+        rows.append(row | bounds("cosine_", bootstrap(mean, own.cosine.to_numpy(), seed=seed)))
     return pd.DataFrame(rows)
 
 

@@ -110,6 +110,7 @@ class Play:
         return LiveWorld(words, side, self._config_dir, changes)
 
     def _step(self, steps: int) -> bool:
+        """Run steps, and count a new version if pages must be told more than samples; returns whether any was run."""
         before = self.world.shown
         try:
             done = self.world.run(steps)

@@ -160,8 +160,8 @@ class Study(Checked):
         """Write the tables, the figures and the page over all runs."""
         for name, table in self.tables([Run(folder.path / job.run) for job in planned.jobs]).items():
             folder.write(f"{_checked(name)}.csv", table)
-        from epuckhebb.analysis import report
         from epuckhebb.analysis.image import image, small  # matplotlib takes a while to load
+        from epuckhebb.analysis.page import study_page
 
         run = Run(folder.path)
         figures = {f"{_checked(name)}.png": figure for name, figure in self.figures(run).items()}
@@ -172,7 +172,7 @@ class Study(Checked):
         text = self.page(run, captions)
         folder.write("report.md", text)
         title = text.partition("\n")[0].removeprefix("# ")
-        folder.write("report.html", report.html(text, pictures.__getitem__, f"epuckhebb: {title}"))
+        folder.write("report.html", study_page(text, pictures.__getitem__, f"epuckhebb: {title}"))
 
 
 @dataclass(frozen=True, kw_only=True)
