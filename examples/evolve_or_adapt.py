@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 import epuckhebb
-from epuckhebb.analysis.charts import interval_text
+from epuckhebb.analysis.charts import draw_interval
 from epuckhebb.analysis.claims import claim
 from epuckhebb.analysis.evolutions import HOURS
 from epuckhebb.analysis.image import house_style
@@ -454,7 +454,7 @@ def _season_curves(periods):
         label = f"{name}{' + plasticity' * (controller == PAPER)}"
         places = [order.index(period) + shift for period in own.period]
         look = {"color": colour, "marker": marker, "markerfacecolor": filled, "linestyle": "", "label": label}
-        interval_text(axes, places, own, "success", **look)
+        draw_interval(axes, places, own, "success", **look)
     hours = [one if one in (NEVER, WITHIN) else f"{GENERATION_HOURS * int(one)} h" for one in order]
     axes.set_xticks(range(len(order)), hours)
     axes.set(xlabel="robot-hours until the world changes", ylabel="success in the next generation's world", ylim=(0, 1))

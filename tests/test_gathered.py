@@ -152,6 +152,8 @@ def test_reversal_learning_has_a_rewarded_share_and_no_success():
     over = summary.champion_means(rows, settings)
     assert over.rewarded_share.tolist() == pytest.approx([0.6] * len(over))
     assert over.rewarded_share_low.between(0.4, 0.6, inclusive="left").all()
+    (shown,) = summary.readable({"over_champions": over})
+    assert "[" in next(iter(shown.rows))[-1]  # the interval that the title names
     assert summary.dose_response(rows, settings) is summary.rescue_and_harm(rows) is None
 
 

@@ -158,6 +158,7 @@ def _panels(experiment: str, over_all: "pd.DataFrame", by_world: "pd.DataFrame")
 
 
 def _rescue_panel(axes: Axes, own: "pd.DataFrame") -> None:
+    """Draw the shares of trials rescued and harmed, a row for each plasticity, with counts at the right."""
     one_rate = own.controller.map(own.controller.value_counts() == 1)
     names = own.controller.where(one_rate, [rescue.label(row.controller, row.N) for row in own.itertuples()])
     places = np.arange(len(own))

@@ -113,6 +113,7 @@ _CLAIM += ["control_effect", "control_effect_low", "control_effect_high", "verdi
 
 
 def _light_claims(each: pd.DataFrame, _: pd.DataFrame) -> Iterator[dict[str, Any]]:
+    """The paper's claims on changed light, one row each."""
     of, rate = partial(outcomes, each, "light"), PAPER_N["light"]
     bright, dim = of("highlight", GA, 0.0), of("lowlight", GA, 0.0)
     (bright_plastic, bright_control), (dim_plastic, dim_control) = (
@@ -128,6 +129,7 @@ def _light_claims(each: pd.DataFrame, _: pd.DataFrame) -> Iterator[dict[str, Any
 
 
 def _obstacle_claims(each: pd.DataFrame, published: pd.DataFrame) -> Iterator[dict[str, Any]]:
+    """The paper's claims on obstacles, one row each."""
     of, rate = partial(outcomes, each, "obstacles"), PAPER_N["obstacles"]
     base = of("base", GA, 0.0)
     any_broken, any_small, any_large = [], [], []

@@ -67,6 +67,7 @@ def champion_ends(each: pd.DataFrame) -> pd.DataFrame:
 
 
 def _counted(each: pd.DataFrame) -> pd.DataFrame:
+    """Trials with a column for each end: whether the trial has it."""
     return each.assign(**{end.value: each.end == end for end in End})
 
 
@@ -108,6 +109,7 @@ def _exchange_genomes(each: pd.DataFrame) -> pd.DataFrame:
 
 
 def _ends(each: pd.DataFrame) -> Iterator[dict[str, Any]]:
+    """The rows of `ends.csv`. each: trials with their draws, and a column for each end."""
     by = [*each.columns[: each.columns.get_loc("genome")]]
     for condition, here in each.groupby(by, sort=False):
         draws = here.draw.nunique()
@@ -168,6 +170,7 @@ def readable(table: pd.DataFrame) -> list[Table]:
 
 
 def _experiment_table(experiment: str, own: pd.DataFrame) -> Table:
+    """The ends of all trials of an experiment to read: a row for each world and controller."""
     settings = own.columns[: own.columns.get_loc("among")].difference(_CELL, sort=False)
     shown = [name for name in settings if own[name].nunique() > 1]
     headings = [

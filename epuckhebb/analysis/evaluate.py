@@ -189,6 +189,7 @@ def make_individuals(
 
 
 def _rewarded(trials: NDArray[np.void]) -> dict[str, Any]:
+    """The share of rewarded trials of a lifetime, and the first trial after the rewarded end has switched."""
     switches = np.flatnonzero(np.diff(trials["good"]))
     return {
         "rewarded_share": float(rewarded(trials).mean()),
@@ -197,6 +198,7 @@ def _rewarded(trials: NDArray[np.void]) -> dict[str, Any]:
 
 
 def _trials(trials: NDArray[np.void]) -> Iterator[dict[str, Any]]:
+    """A row for each trial of a lifetime; none where a lifetime is one trial."""
     sides = {-1: "left", 0: "", 1: "right"}
     for number, (good, reached, steps, *_) in enumerate(trials.tolist(), start=1):
         yield {
@@ -209,6 +211,7 @@ def _trials(trials: NDArray[np.void]) -> Iterator[dict[str, Any]]:
 
 
 def _metrics(outcome: Outcome, lifetime: Lifetime) -> dict[str, float]:
+    """The measures of a lifetime, by column."""
     seconds = lifetime.duration_s if outcome.steps == lifetime.steps else outcome.steps * STEP_S
     return {
         "success": int(outcome.success),

@@ -112,6 +112,7 @@ class _Floor(NamedTuple):
 
 
 def _floor(maze: Maze) -> _Floor:
+    """The fields of the floor of a maze; reached ones spread from the start, field by field, in four directions."""
     walls, arena = np.round(boxes(maze), _DIGITS), maze.arena_m
     x, y = (np.unique(np.clip([-arena, *walls[:, sides].ravel(), arena], -arena, arena)) for sides in ([0, 1], [2, 3]))
     in_x, in_y = ((edges[1:] + edges[:-1]) / 2 for edges in (x, y))
@@ -187,6 +188,7 @@ def _numbered(values: Iterable[_T]) -> list[tuple[int, _T]]:
 
 
 def _draw_path(axes: Axes, samples: Samples, scenario: Scenario, side: Side) -> None:
+    """Draw the path of a lifetime, its start, its end, and a mark at each change of the world."""
     time, pose = samples.time, samples.pose
     end = "is rewarded first" if scenario.task.has_trials else arrival(samples, scenario, side).text
     radius, start = scenario.robot.radius_m, scenario.maze.start

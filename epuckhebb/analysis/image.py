@@ -73,6 +73,7 @@ def image(figure: Figure, kind: str = "png", width_mm: float | None = None) -> b
 
 
 def _resize(figure: Figure, width_mm: float) -> None:
+    """Scale a figure to a width, letters and lines with it; letters stay large enough to be read."""
     width, height = figure.get_size_inches()
     share = width_mm / MM / width
     figure.set_size_inches(width * share, height * share)

@@ -195,6 +195,7 @@ def _success(champions: pd.DataFrame, name: str) -> dict[str, float]:
 
 
 def _share(successes: "pd.Series[Any]", trials: "pd.Series[Any]") -> float:
+    """The share of trials that succeed; nan where a champion has no such trials."""
     return np.nan if successes.isna().any() else successes.sum() / trials.sum()
 
 

@@ -49,6 +49,7 @@ def _palette(names: list[str], floors: list[Any]) -> Image.Image:
 
 
 def _frames(traces: Traces, scenario: Scenario, title: str) -> Iterator[Image.Image]:
+    """The frames of the film: the maze is drawn once for each world, robots and paths on it at each moment."""
     controllers = list(dict.fromkeys(traces.controller))
     left, right, bottom, top = view(scenario.maze)
     size = (_PANEL * len(controllers), _PANEL * (top - bottom) / (right - left) + _MARGIN)

@@ -72,6 +72,7 @@ def close(comparison: pd.DataFrame) -> str:
 
 
 def _cell_trials(table: pd.DataFrame, cell: "pd.Series[Any]") -> pd.DataFrame:
+    """Our trials of a cell of the paper's tables, at the paper's rate."""
     rate = 0.0 if cell.controller == GA else PAPER_N[cell.experiment]
     return table[(table[["experiment", *CELL]] == cell[["experiment", *CELL]]).all(axis=1) & (rate == table.N)]
 
@@ -94,6 +95,7 @@ def table(comparison: pd.DataFrame, *, of_all: bool) -> Table:
 
 
 def _cell(value: "pd.Series[Any]", metric: str, *, of_all: bool) -> str:
+    """One cell of a table in the paper's layout: our number, and the paper's in brackets."""
     decimals = _DECIMALS.get(metric, 4 if abs(value.ours) < 10 or np.isnan(value.ours) else 2)
 
     def text(number: float, places: int) -> str:

@@ -3,7 +3,7 @@
 Every number of the page is from a table that is also a CSV file.
 """
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -228,12 +228,13 @@ def _claim_numbers(row: Any) -> list[str]:
 
 
 def _paper_rates(table: pd.DataFrame) -> pd.DataFrame:
+    """The rows of a table without plasticity, or at the paper's rates."""
     return table[(table.N == 0) | (table.experiment.map(PAPER_N) == table.N)]
 
 
-def success_table(success: pd.DataFrame, controllers: Collection[str] = (GA, *CONTROLS.values())) -> Table:
+def success_table(success: pd.DataFrame) -> Table:
     """Success at the paper's rates, a row for each scenario and controller."""
-    own = _paper_rates(success[success.controller.isin(controllers)])
+    own = _paper_rates(success[success.controller.isin([GA, *CONTROLS.values()])])
     rows = []
     for (experiment, scenario, controller), group in own.groupby(["experiment", "scenario", "controller"], sort=False):
         sides = group.set_index("side")

@@ -87,14 +87,7 @@ def wilson_by_champion(part: NDArray[Any], whole: NDArray[Any]) -> tuple[float, 
 
     Returns:
         Lower and upper end; (nan, nan) if fewer than `LEAST` champions have trials.
-
-    Raises:
-        ValueError: counts that cannot be.
     """
-    if part.shape != whole.shape or part.ndim != 1:
-        raise ValueError(f"one number for each champion is needed, got shapes {part.shape} and {whole.shape}")
-    if (part < 0).any() or (part > whole).any():
-        raise ValueError("a champion's true trials must be between none and all of its trials")
     champions, trials, true = int((whole > 0).sum()), float(whole.sum()), float(part.sum())
     if champions < LEAST:
         return _UNKNOWN

@@ -180,20 +180,16 @@ def _success_table(summary: pd.DataFrame, of: str, interval_is: str) -> list[Tab
     shown = [*alike.values(), "controller"]  # of columns that tell the same, the last: a genome is known by its name
     same = summary.n.nunique() == 1
     rewarded = has_trials(summary)
-    has_interval = not rewarded or f"{_REWARDED}_low" in summary
-    known = summary[f"{_REWARDED if rewarded else 'success'}_low"].notna().any() if has_interval else False
+    name, form = (_REWARDED, ".3f") if rewarded else ("success", ".2f")
     rows: dict[tuple[str, ...], dict[str, str]] = {}
     for row in summary.to_dict("records"):
         place = tuple(plain(_cell(row[name])) for name in shown)
-        value = f"{row[_REWARDED]:.3f}" if rewarded else f"{row['success']:.2f}"
-        if has_interval:
-            name, form = (_REWARDED, ".3f") if rewarded else ("success", ".2f")
-            value = interval_text(pd.Series(row), name, form)
-        rows.setdefault(place, {})[row["side"]] = value + ("" if same else f" of {row['n']}")
+        count = "" if same else f" of {row['n']}"
+        rows.setdefault(place, {})[row["side"]] = interval_text(pd.Series(row), name, form) + count
     facts = [of.format(summary.n.iloc[0])] if same else []
-    facts += (
-        [f"95 % interval{interval_is}" if known else f"fewer than {LEAST} have no interval"] if has_interval else []
-    )
+    if f"{name}_low" in summary:
+        is_known = summary[f"{name}_low"].notna().any()
+        facts.append(f"95 % interval{interval_is}" if is_known else f"fewer than {LEAST} have no interval")
     title = "Rewarded share, by the end that is rewarded first" if rewarded else "Success"
     headings = [*shown, *(side if rewarded else f"success, {side}" for side in SIDES)]
     cells = [[*place, *(values.get(side, "") for side in SIDES)] for place, values in rows.items()]

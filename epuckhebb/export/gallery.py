@@ -38,6 +38,7 @@ def gallery(folder: Path) -> list[Path]:
 
 
 def _make(words: list[str], target: Path) -> None:
+    """Make one exhibit: run its command in a temporary folder, and write its replay."""
     if words[0] == "flock":
         write_atomic(target, flock.first_page().encode())
         return

@@ -51,6 +51,7 @@ def facts(play: "Play") -> dict[str, Any]:
 
 
 def _maze_facts(world: LiveWorld) -> dict[str, Any]:
+    """What stays as it is in a lifetime in a maze."""
     scenario, network = world.config.world, world.genome.network
     champions = sorted((data_folder("runs/reference") / "champions").glob(f"{scenario.experiment}_seed*.npz"))
     return {
@@ -99,6 +100,7 @@ def state(play: "Play") -> dict[str, Any]:
 
 
 def _maze_state(world: LiveWorld) -> dict[str, Any]:
+    """What can change in a lifetime in a maze."""
     now, last = world.scenario, world.changes[-1] if world.changes else {}
     return {
         "world": {

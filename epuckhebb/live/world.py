@@ -121,6 +121,7 @@ class LiveWorld:
         return self.steps - before
 
     def _run(self, steps: int) -> None:
+        """Make the change that was wished for, then run so many steps of all robots."""
         before = self.steps
         if self.wishes and not self.is_over:
             planned = [one for one in self.config.world.changes if step_of(one) >= before]

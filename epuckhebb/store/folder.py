@@ -206,6 +206,7 @@ class RunFolder:
         return left
 
     def _write_status(self, state: str, **more: str) -> None:
+        """Write `status.json`: the state, the times, and the SHA-256 of the files of an ended run."""
         sha256, status = dict(self._earlier), {"schema": SCHEMA, "state": state, "started": self._started}
         if state != "running":
             sha256 |= self._written

@@ -195,6 +195,7 @@ def parse_network(arrays: Mapping[str, Any], default: tuple[int, ...] = PAPER_NE
 
 
 def _read_genome(path: Path, name: str, shape: tuple[int, ...] | Wiring | None) -> Genome:
+    """Read a genome from a file, and check that it fits the shape of the network, if one is given."""
     layers = None if isinstance(shape, Wiring) else shape
     with convert_errors(f"genome={path} cannot be used"):
         arrays = parse_arrays(Run(path.parent).content(path.name))

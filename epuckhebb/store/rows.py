@@ -33,6 +33,7 @@ def as_csv(rows: Rows, *, header: bool = True) -> str:
 
 
 def _cells(values: Sequence[Any]) -> list[Any]:
+    """A column as cells of CSV: empty without a value; all with a fraction if one has it, or one is empty."""
     cells = ["" if value is None or (isinstance(value, float) and math.isnan(value)) else value for value in values]
     known = [value for value in cells if not isinstance(value, str)]
     is_whole = all(isinstance(value, Integral) and not isinstance(value, bool) for value in known)
@@ -48,6 +49,7 @@ def parse_csv(text: str) -> Rows:
 
 
 def _values(name: str, cells: Sequence[str]) -> list[Any]:
+    """The values of a column of CSV: texts, whole numbers, other numbers, or truth values; None in empty cells."""
     known = [cell for cell in cells if cell]
     kind: Callable[[str], Any] = str
     if name not in TEXTS and known:

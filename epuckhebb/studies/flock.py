@@ -212,6 +212,7 @@ def first_page() -> str:
 
 
 def _rows(keys: FlockKeys) -> list[Row]:
+    """The rows of the tables: frozen couplings, those of the settings with their controls, the oracle."""
     rows = [Row(FROZEN, Frozen())]
     for where in _ROWS if keys.coupling == ALL else (keys.coupling,):
         name = where.rpartition(":")[2]
@@ -244,6 +245,8 @@ def _conditions(keys: FlockKeys, repeats: int) -> list[Condition]:
 
 
 def _run_flocks(tasks: Sequence[tuple[Row, Flock, int]], threads: int) -> list[Record]:
+    """Run flocks in threads; returns their records in the order of the tasks."""
+
     def run_task(task: tuple[Row, Flock, int]) -> Record:
         row, flock, seed = task
         return run(flock, row.coupling, seed, other=row.other)

@@ -260,6 +260,7 @@ def study_job(cfg: Any) -> None:
 
 
 def _do_job(attempt: Path, run: str) -> None:
+    """Do a job in the folder of an attempt, and rename this into its place among the results."""
     folder = attempt.parents[1]
     listed = Run(folder).json(LIST)
     study, job = find_study(listed["name"]), Run(folder).json(f"{JOBS}/{run}.json")
@@ -295,6 +296,7 @@ def job_name(kind: str, depends: Plain) -> str:
 
 
 def _user_study(reference: str) -> type[Study]:
+    """The class of a user's study, FILE.py:NAME; it must have `plan` and `do`."""
     file, _, name = reference.rpartition(":")
     path = path_of(file, "sweep").absolute()
     kind = class_named(f"{path}:{name}", Study, "sweep")
