@@ -185,17 +185,18 @@ def showcase(each: pd.DataFrame, published: pd.DataFrame, experiment: str) -> tu
     """
     ours = each[(each.experiment == experiment) & each.N.isin([0.0, PAPER_N[experiment]])]
     ours = ours[ours.controller.isin([GA, HEBBIAN])]
-    paper = published[published.experiment == experiment].set_index(["scenario", "controller", "side"]).success
+    cell = ["scenario", "controller", "side"]
+    paper = published[published.experiment == experiment].set_index(cell).success.dropna().astype(bool)
     solved = solved_in_training(each, experiment)
     names = list(dict.fromkeys(ours.genome))
     solves = [name for name in names if all((name, side) in solved for side in ("left", "right"))]
-    agreement = {}
-    for name in solves or names:
-        own = ours[ours.genome == name].set_index(["scenario", "controller", "side"]).succeeds
-        shared = [cell for cell in paper.index if cell in own.index and not np.isnan(paper[cell])]
-        agreement[name] = sum(bool(own[cell]) == bool(paper[cell]) for cell in shared)
+    agreement = {
+        str(name): int((own.set_index(cell).succeeds.reindex(paper.index) == paper).sum())
+        for name, own in ours.groupby("genome", sort=False)
+        if name in (solves or names)
+    }
     best = max(agreement, key=lambda name: agreement[name])
-    return best, agreement[best], int(paper.notna().sum())
+    return best, agreement[best], len(paper)
 
 
 def _count(

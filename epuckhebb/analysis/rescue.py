@@ -33,13 +33,7 @@ def label(controller: str, rate: float) -> str:
     return f"{controller}, N = {rate:g}" if rate or controller == HEBBIAN else controller
 
 
-def markdown(
-    over_all: "pd.DataFrame",
-    by_scenario: "pd.DataFrame",
-    champions: int,
-    repeats: int,
-    names: str,
-) -> str:
+def markdown(over_all: "pd.DataFrame", by_scenario: "pd.DataFrame", champions: int, repeats: int, names: str) -> str:
     """The page of rescue and harm. over_all, by_scenario: the two tables; names: of the champions, in a few words."""
     parts = [
         "# Rescue and harm\n",

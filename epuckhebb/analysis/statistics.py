@@ -208,10 +208,7 @@ def holm(p: Sequence[float]) -> NDArray[np.float64]:
 
 
 def bootstrap(
-    statistic: Statistic,
-    *groups: NDArray[np.float64],
-    seed: int = 0,
-    percentiles: tuple[float, float] = (2.5, 97.5),
+    statistic: Statistic, *groups: NDArray[np.float64], seed: int = 0, percentiles: tuple[float, float] = (2.5, 97.5)
 ) -> tuple[float, float]:
     """Percentile bootstrap interval of a statistic of champions; those of each group are resampled apart.
 

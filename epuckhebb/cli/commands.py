@@ -266,8 +266,7 @@ def reproduce(
 def leaderboard(
     words: Overrides = None,
     quick: Annotated[
-        bool,
-        typer.Option("--quick", help="A smoke test in three minutes: 3 methods, 2 champions."),
+        bool, typer.Option("--quick", help="A smoke test in three minutes: 3 methods, 2 champions.")
     ] = False,
     dry_run: DryRun = False,
     *,
@@ -316,11 +315,7 @@ def sweep(
 @app.command(cls=Command)
 def show(
     what: Annotated[
-        str | None,
-        typer.Argument(
-            help="A folder of a run or of runs, or latest.  [latest runs]",
-            metavar="WHAT",
-        ),
+        str | None, typer.Argument(help="A folder of a run or of runs, or latest.  [latest runs]", metavar="WHAT")
     ] = None,
     as_json: Json = False,
 ) -> None:

@@ -75,8 +75,7 @@ Cfg = Annotated[
     typer.Option("--cfg", "-c", metavar="job", help="Show the configuration that would run, run nothing."),
 ]
 ConfigDir = Annotated[
-    str | None,
-    typer.Option("--config-dir", metavar="FOLDER", help="A folder with YAML files of your own."),
+    str | None, typer.Option("--config-dir", metavar="FOLDER", help="A folder with YAML files of your own.")
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object; all else on standard error.")]

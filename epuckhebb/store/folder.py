@@ -54,13 +54,7 @@ class RunFolder:
 
     @classmethod
     def new(
-        cls,
-        path: Path,
-        command: str,
-        config: str,
-        arguments: list[str],
-        facts: dict[str, Any],
-        own: Own = None,
+        cls, path: Path, command: str, config: str, arguments: list[str], facts: dict[str, Any], own: Own = None
     ) -> "RunFolder":
         """Claim a folder that holds no run yet, and write down what is about to run.
 
@@ -180,13 +174,7 @@ class RunFolder:
         finally:
             release(self._lock)
 
-    def _begin(
-        self,
-        facts: dict[str, Any],
-        config: str | None,
-        overrides: list[str] | None,
-        own: Own,
-    ) -> None:
+    def _begin(self, facts: dict[str, Any], config: str | None, overrides: list[str] | None, own: Own) -> None:
         """Write down what runs here: its state first, and `provenance.json`, by which a run is known, after that."""
         self._write_status("running")
         if overrides is not None:

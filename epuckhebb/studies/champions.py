@@ -18,16 +18,7 @@ from numpy.typing import NDArray
 from epuckhebb.analysis import leaderboard as board
 from epuckhebb.analysis import reproduction
 from epuckhebb.analysis.tables import Rows
-from epuckhebb.config import (
-    EvaluateConfig,
-    EvolveConfig,
-    OwnFile,
-    Plain,
-    dump,
-    from_values,
-    load,
-    own_files,
-)
+from epuckhebb.config import EvaluateConfig, EvolveConfig, OwnFile, Plain, dump, from_values, load, own_files
 from epuckhebb.runs import (
     PreparedEvaluation,
     earlier_champions,

@@ -34,15 +34,7 @@ from epuckhebb.runs import hydra
 from epuckhebb.runs.jobs import failure_text
 from epuckhebb.runtime import ConfigError, JobFailedError, conf, path_of, refusing, say
 from epuckhebb.store import STATUS, Run, RunFolder, as_json, digest, fingerprint, write_atomic
-from epuckhebb.studies.jobs import (
-    JOBS,
-    LIST,
-    Job,
-    Outcome,
-    launch,
-    split,
-    todo,
-)
+from epuckhebb.studies.jobs import JOBS, LIST, Job, Outcome, launch, split, todo
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
