@@ -184,7 +184,11 @@ def test_the_commands_of_pages_are_understood(pages, folder, monkeypatch):
         _, command, *words = shlex.split(line)
         if words and "--help" not in words:
             get_command(app).commands[command].make_context(command, list(words))  # an unknown option ends this
-            if "ray_local" not in line and not words[0].startswith("legs") and (composed := composed_only(command, words)):
+            if (
+                "ray_local" not in line
+                and not words[0].startswith("legs")
+                and (composed := composed_only(command, words))
+            ):
                 commands.append((command, composed))
     assert commands
     for command, words, members in together(commands):

@@ -57,7 +57,9 @@ def failing(monkeypatch):
     monkeypatch.setattr(maze, "evaluate", fail)
 
 
-SWEEPS = [name for name in groups("sweep")["experiment"] if not name.startswith("legs")]  # their champions come of plans
+SWEEPS = [
+    name for name in groups("sweep")["experiment"] if not name.startswith("legs")
+]  # their champions come of plans
 
 
 @pytest.mark.parametrize("name", first_of(SWEEPS))

@@ -72,7 +72,7 @@ def _counted(each: pd.DataFrame) -> pd.DataFrame:
 
 
 def _merge_draws(each: pd.DataFrame) -> pd.DataFrame:
-    """Trials in which the controls `NAME_0`, `NAME_1` and so on are draws of one, `NAME`."""
+    """Trials in which the controls `NAME_0`, `NAME_1` and so on are one, `NAME`; the column `draw` has the old name."""
     control = each.controller.str.replace(_DRAW, "", regex=True)
     has_several = each.groupby(control).controller.transform("nunique") > 1
     return each.assign(draw=each.controller, controller=each.controller.where(~has_several, control))

@@ -78,7 +78,7 @@ def unreached(rows: pd.DataFrame) -> list[str]:
 
 
 def tables(metrics: pd.DataFrame, settings: Sequence[str]) -> dict[str, pd.DataFrame]:
-    """The tables over many evaluations, by name. settings: columns that name their condition, of `lifetimes.gather`."""
+    """The tables over many evaluations, by name: returns, and effects if any. settings: keys of a condition."""
     world = [*(name for name in settings if name not in ("genome", "N", *_WORLD)), *_WORLD]
     compared, rows = effects(metrics, world), {"summary": table(metrics, [*world, "controller", "N"])}
     return rows if compared.empty else {**rows, "effects": compared}

@@ -188,7 +188,7 @@ def _monte_carlo(draw: Callable[[np.random.Generator, int], NDArray[Any]], champ
 
 
 def _portions(numbers: int) -> Iterator[int]:
-    """How many resamples to draw at a time, each with so many numbers, so that memory is bounded."""
+    """Divide all resamples into portions that fit into memory. numbers: of each resample."""
     most = max(1, _AT_ONCE // numbers)
     for drawn in range(0, RESAMPLES, most):
         yield min(most, RESAMPLES - drawn)

@@ -96,7 +96,7 @@ def reporter(output: Output) -> Callable[[Path], None]:
 
 
 def print_run(command: str, path: Path, output: Output) -> None:
-    """Print where a run is, whose results have been printed, or all as JSON."""
+    """Print the folder of a run, below its results; with --json, everything that the run holds."""
     from epuckhebb.cli import show
 
     output.print(

@@ -130,6 +130,7 @@ def takes_options(command: Callable[..., None]) -> Callable[..., None]:
 
     @functools.wraps(command)
     def called(**values: Any) -> None:
+        """Call the command with its options as one value."""
         options = kind(**{one.name: values.pop(one.name) for one in shared})
         be_quiet(options.quiet)
         with nullcontext() if getattr(options, "cfg", None) else redirect_stdout(sys.stderr):  # what own parts print

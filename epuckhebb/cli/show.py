@@ -74,7 +74,7 @@ def _title(metrics: Rows) -> str:
 
 
 def print_jobs(found: dict[str, Any], console: Console) -> None:
-    """List the first jobs of a study that is not run. found: as in its JSON."""
+    """Print the first jobs of a study, as --dry-run lists them. found: its folder and its jobs, as in JSON."""
     folder, listed = found["folder"], found["jobs"]
     rows = [(n, "done" if job["done"] else "to do", job["what"]) for n, job in enumerate(listed[:_LISTED])]
     print_table(console, f"{len(listed)} jobs in {folder}/", ("job", "", "what"), rows, text=3)

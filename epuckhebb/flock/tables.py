@@ -167,7 +167,7 @@ def page(table: pd.DataFrame, made: str, figures: Sequence[str]) -> str:
 
 
 def coupling_title(coupling: str) -> str:
-    """A coupling in a picture."""
+    """The title of a coupling in a figure or on a page: `transfer entropy × fitness`."""
     return coupling.replace("_", " ").replace(" x ", " × ")
 
 

@@ -111,7 +111,7 @@ class FlockStudy(Study):
 
     @property
     def label(self) -> str:
-        """The first part of the name of its folder."""
+        """The first part of the name of the study's folder."""
         return f"{self.flock.coupling.rpartition(':')[2]}_seed{self.seed}"
 
     def plan(self) -> Sequence[Plain]:

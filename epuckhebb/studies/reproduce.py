@@ -78,7 +78,7 @@ class Reproduction(ChampionStudy):
 
     @property
     def label(self) -> str:
-        """The first part of the name of its folder."""
+        """The first part of the name of the study's folder."""
         who = self.fixed_genome.name if self.fixed_genome else f"champions{self.champions}"
         return f"{self.experiments}_{who}_seed{self.first_seed}"
 

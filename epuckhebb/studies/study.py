@@ -140,7 +140,7 @@ class Study(Checked):
 
     @property
     def label(self) -> str:
-        """The first part of the name of its folder."""
+        """The first part of the name of the study's folder."""
         return type(self).__name__
 
     @property
@@ -300,7 +300,7 @@ def _user_study(reference: str) -> type[Study]:
 
 
 def _checked(name: str) -> str:
-    """The name of a table or a figure, which is the name of a file in the folder and nothing else."""
+    """Refuse a name of a table or a figure that is no name of a file, for example one with a slash; returns it."""
     if not re.fullmatch(r"\w[\w.-]*", name):
         raise ConfigError(
             f"a table or a figure of a study is called {name!r}; give a name of letters, digits, . - and _"

@@ -38,7 +38,7 @@ class SepCmaEs(EvolutionStrategy):
 
 
 def _untie(ranked: Floats, losses: Floats) -> Floats:
-    """Points for the algorithm, (population, genes): the samples, or, if any of the fitter half is in a tie, others.
+    """Points for the algorithm, (population, genes): the samples, or others if two of the fitter half are equally fit.
 
     ranked: the samples, best first. losses: (population,), ascending.
     """
