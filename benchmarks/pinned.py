@@ -9,7 +9,7 @@ from matplotlib.patches import Circle
 
 from epuckhebb.analysis.charts import INK, KIND
 from epuckhebb.analysis.figures import draw_maze
-from epuckhebb.analysis.image import image, in_house_style, small
+from epuckhebb.analysis.image import house_style, image, small
 from epuckhebb.gym import TMaze
 from epuckhebb.tmaze.robot import EPUCK, STEP_S
 
@@ -29,7 +29,7 @@ def driven(physics, left, right):
     return np.array(poses), env.world
 
 
-@in_house_style()
+@house_style()
 def main():
     figure = Figure(figsize=(8, 3.6))
     plan, turn = figure.subplots(1, 2)

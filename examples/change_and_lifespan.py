@@ -14,7 +14,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 import epuckhebb
-from epuckhebb.analysis.image import in_house_style
+from epuckhebb.analysis.image import house_style
 from epuckhebb.analysis.statistics import bootstrap, mean, sign_flip
 from epuckhebb.store import fingerprint
 from epuckhebb.tmaze.tasks.reversal import First, Reversal
@@ -140,7 +140,7 @@ def _differences(champions):
     return pd.DataFrame(rows)
 
 
-@in_house_style()
+@house_style()
 def _shares(cells):
     """A panel for each length of a lifetime, a group of points for each number of switches."""
     figure = Figure(figsize=(8, 3.6))

@@ -13,10 +13,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 import epuckhebb
-from epuckhebb.analysis.charts import with_interval
+from epuckhebb.analysis.charts import draw_interval
 from epuckhebb.analysis.claims import claim
 from epuckhebb.analysis.evolutions import HOURS
-from epuckhebb.analysis.image import in_house_style
+from epuckhebb.analysis.image import house_style
 from epuckhebb.analysis.statistics import bootstrap, holm, mean, sign_flip, wilson_by_champion
 from epuckhebb.analysis.tables import Table
 from epuckhebb.config import EvaluateConfig, EvolveConfig, load
@@ -399,7 +399,7 @@ _POINTS |= {("baldwin_n", "baldwin_n"): ("baldwin_n, evolved", "^", "#CC79A7")}
 _POINTS |= {("modulated", "modulated"): ("modulated, evolved", "v", "#56B4E9")}
 
 
-@in_house_style()
+@house_style()
 def _plane(ways):
     """What is recovered against what is not forgotten: of evolution a path over generations, of others a point."""
     figure = Figure(figsize=(8, 5))
@@ -439,7 +439,7 @@ def _plane(ways):
     return figure
 
 
-@in_house_style()
+@house_style()
 def _season_curves(periods):
     """Success in the next generation's world for each period, a point for each device, alone and with plasticity."""
     figure = Figure(figsize=(6.8, 4.8))
@@ -454,7 +454,7 @@ def _season_curves(periods):
         label = f"{name}{' + plasticity' * (controller == PAPER)}"
         places = [order.index(period) + shift for period in own.period]
         look = {"color": colour, "marker": marker, "markerfacecolor": filled, "linestyle": "", "label": label}
-        with_interval(axes, places, own, "success", **look)
+        draw_interval(axes, places, own, "success", **look)
     hours = [one if one in (NEVER, WITHIN) else f"{GENERATION_HOURS * int(one)} h" for one in order]
     axes.set_xticks(range(len(order)), hours)
     axes.set(xlabel="robot-hours until the world changes", ylabel="success in the next generation's world", ylim=(0, 1))
@@ -468,7 +468,7 @@ def _season_curves(periods):
     return figure
 
 
-@in_house_style()
+@house_style()
 def _innate_curves(innate, tests):
     """What the rule adds to the fitness of the fittest over the generations, with its mean in both thirds."""
     gaps = innate.assign(gap=innate.fitness - innate.rule_off)

@@ -16,7 +16,7 @@ from omegaconf import OmegaConf
 from epuckhebb.config.build import robot_from
 from epuckhebb.controller.network import PAPER_NETWORK, Network, by_layer
 from epuckhebb.controller.plasticity.rules.paper import Paper
-from epuckhebb.studies.study import study_named
+from epuckhebb.studies.study import find_study
 from epuckhebb.tmaze.batch import run_lifetimes
 from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
 from epuckhebb.tmaze.life import Lifetime
@@ -27,7 +27,7 @@ settings.register_profile("ordinary", max_examples=20, deadline=None)
 settings.register_profile("thorough", max_examples=100, deadline=None)
 settings.load_profile("ordinary")
 for study in ("flock", "leaderboard", "reproduce"):  # which registers their keys
-    study_named(study)
+    find_study(study)
 
 
 def pytest_configure():

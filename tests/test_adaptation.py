@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuckhebb.adaptation.adaptation import Adaptation, Exploration
-from epuckhebb.adaptation.change_signal import SignalContext, no_nominal, signal_of, update_recent
+from epuckhebb.adaptation.change_signal import SignalContext, no_nominal, signal_function, update_recent
 from epuckhebb.adaptation.change_signals.late import Late
 from epuckhebb.adaptation.change_signals.novelty import Novelty
 from epuckhebb.adaptation.change_signals.shortfall import Shortfall
@@ -32,7 +32,7 @@ from epuckhebb.tmaze.scenario import Scenario
 
 FAST = {"gain_rad_s": 4.0, "record_every": 1}
 NOTHING = no_nominal(16, 8)
-late, novelty, shortfall = (partial(signal_of(kind), state=None) for kind in (Late, Novelty, Shortfall))
+late, novelty, shortfall = (partial(signal_function(kind), state=None) for kind in (Late, Novelty, Shortfall))
 
 
 def controller(N=0.0, signal=Signal.behaviour, sign=Sign.hebbian, **adaptation):
@@ -56,7 +56,7 @@ def live(genome, controller, nominal=None, scenario=None, side="left", seconds=6
         controller=controller,
         key=np.uint64(key),
         record=True,
-        nominal=None if nominal is None else nominal.of(side),
+        nominal=None if nominal is None else nominal.statistics(side),
     )
     return run_lifetimes([individual], scenario or Scenario(), Lifetime(duration_s=seconds, **FAST))[0]
 
@@ -194,7 +194,7 @@ def test_a_late_robot_is_plastic_and_the_goal_resets_it(champion):
 def test_agrees_with_the_oracle(champion, beside_the_oracle, change_signal, threshold, fault):
     genome, nominal = champion
     gated = controller(0.001, change_signal=change_signal, threshold=threshold, slope=5.0, active_s=2, rest_s=1)
-    arguments = {"seconds": 16, "nominal": nominal.of("right"), "key": 5}
+    arguments = {"seconds": 16, "nominal": nominal.statistics("right"), "key": 5}
     _, samples, robot = beside_the_oracle(genome, "right", Scenario(**fault), gated, **arguments)
     assert samples.change_signal[-1] == pytest.approx(robot.change_signal, abs=1e-8)
 
@@ -208,7 +208,7 @@ def test_a_robot_with_24_rays_agrees_with_the_oracle(lidar, wide, beside_the_ora
     of_updates = signs(Sign.shuffled, network.synapses, np.random.default_rng(4))
     lamp = Lamp(towards_x=-1.0, towards_y=0.7, beam_rad=1.2)
     world = Scenario(robot=lidar, light=1.0, dead_sensors=(11, 3), lamp=lamp)
-    arguments = {"seconds": 60, "nominal": nominal.of("right"), "network": network, "signs": of_updates}
+    arguments = {"seconds": 60, "nominal": nominal.statistics("right"), "network": network, "signs": of_updates}
     outcome, samples, robot = beside_the_oracle(genes, "right", world, gated, **arguments)
     assert samples.change_signal[-1] == pytest.approx(robot.change_signal, abs=1e-8)
     assert outcome.weight_change_mean > 0
@@ -281,7 +281,7 @@ def test_invalid_settings_are_refused(settings, message):
 def test_each_side_has_its_own_statistics(champion):
     _, nominal = champion
     for k, side in enumerate(SIDES):
-        own = nominal.of(side)
+        own = nominal.statistics(side)
         assert own.away_s == nominal.away_s[k]
         np.testing.assert_array_equal(own.fitness, nominal.fitness[k])
 

@@ -183,7 +183,7 @@ def test_a_multirun_and_a_sweep_have_a_job_for_each_change():
     ends = ("", "_slip_left", "_dusk_heavy")
     names = [f"{scenario}{end}" for scenario in ("base", "4obstacles") for end in ends]
     assert [job.config["scenario"]["name"] for job in jobs] == names
-    tests = leaderboard.tests_of(["few"], "conf")["obstacles"]
+    tests = leaderboard.experiment_worlds(["few"], "conf")["obstacles"]
     assert [world.name for world in tests.values()] == names[1:]
     dusk = tests["base+dusk+heavy"]
     assert (dusk.light, dusk.mass_ratio) == (0.05, 2.0)

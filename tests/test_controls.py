@@ -10,8 +10,7 @@ from test_ode import needs_ode
 from test_reversal import REWARDED, drawn, switching
 from test_session import assert_bit_identical, run_in_pieces
 
-from epuckhebb.analysis.controls import derangement, of_other_champions
-from epuckhebb.analysis.evaluate import individuals_for
+from epuckhebb.analysis.evaluate import make_individuals
 from epuckhebb.config import EvaluateConfig, load
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import PAPER_NETWORK, Network
@@ -120,7 +119,7 @@ def test_a_step_by_hand():
 
 def wanted(seed, genes, *controllers):
     some = [(number, "left", 0) for number in range(len(controllers))]
-    return individuals_for(genes, controllers, some, None, plan_of(PAPER_NETWORK), PAPER_NETWORK, seed, None)
+    return make_individuals(genes, controllers, some, None, plan_of(PAPER_NETWORK), PAPER_NETWORK, seed, None)
 
 
 @pytest.mark.parametrize("control", YOKED)
@@ -208,32 +207,3 @@ def test_random_genomes_are_those_of_their_numbers():
     done("evaluate", "-m", "genome=random_1,...,random_3", *SHORT, "figures=none", "hydra.sweep.dir=many")
     rows = pd.read_csv("many/summary.csv")
     assert list(rows.genome.unique()) == ["random_1", "random_2", "random_3"]
-
-
-def test_another_champion_stands_in_for_each():
-    assert derangement(["a", "b", "c"]) == {"a": "b", "b": "c", "c": "a"}
-    for champions in ([], ["a"], ["a", "a"]):
-        with pytest.raises(ValueError, match="two or more"):
-            derangement(champions)
-    rows = pd.DataFrame(
-        [
-            ("light", "a", "left", 1),
-            ("light", "a", "right", 2),
-            ("light", "b", "left", 3),
-            ("light", "b", "right", 4),
-            ("light", "c", "left", 5),
-            ("obstacles", "a", "left", 6),
-            ("obstacles", "d", "left", 7),
-        ],
-        columns=["experiment", "genome", "side", "outcome"],
-    )
-    other = of_other_champions(rows).set_index(["experiment", "genome", "side"]).outcome
-    assert other.to_dict() == {
-        ("light", "a", "left"): 3,
-        ("light", "a", "right"): 4,
-        ("light", "b", "left"): 5,
-        ("light", "c", "left"): 1,
-        ("light", "c", "right"): 2,
-        ("obstacles", "a", "left"): 7,
-        ("obstacles", "d", "left"): 6,
-    }

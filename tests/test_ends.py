@@ -239,7 +239,7 @@ def test_without_the_training_world_there_is_no_fate():
 
 def test_rescue_stands_beside_the_ends_of_the_broken():
     each = findings.trials(numeric(ROWS))
-    for table in (findings.rescue_and_harm(each), findings.rescue_over_all(findings.rescue_by_champion(each))):
+    for table in (findings.rescue_and_harm(each), findings.rescue_totals(findings.rescue_by_champion(each))):
         assert table.iloc[-1][list(findings.COUNTS[:5])].tolist() == [4, 2, 1, 1, 3]
 
 

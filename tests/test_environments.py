@@ -17,7 +17,7 @@ from cases import call, check_resumed, described_columns, done, refused
 from PIL import Image, ImageSequence
 
 import epuckhebb
-from epuckhebb.analysis.environments import effects, over_lifetime, readable, table, unreached
+from epuckhebb.analysis.environments import effects, lifetime_course, readable, table, unreached
 from epuckhebb.config import load_any
 from epuckhebb.controller.controller import Controller
 from epuckhebb.controller.genome import plan_of
@@ -276,7 +276,7 @@ def test_lifetimes_are_those_of_a_loop_by_hand():
 
 def test_a_lifetime_that_has_ended_earns_nothing():
     lives = [Lived(np.ones(steps), 0.0, 0.0, 0.0, np.zeros(steps), np.zeros(steps)) for steps in (100, 55)]
-    rows = pd.DataFrame(over_lifetime(["one", "one"], lives, 100))
+    rows = pd.DataFrame(lifetime_course(["one", "one"], lives, 100))
     assert list(rows.step) == list(range(2, 101, 2))
     assert list(rows.reward[26:29]) == [1.0, 0.75, 0.5]
     assert (rows.reward * 2).sum() * 2 == sum(len(one.rewards) for one in lives)  # the return of both

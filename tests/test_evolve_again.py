@@ -24,7 +24,7 @@ from epuckhebb.evolution.search import LEARNT, Search
 from epuckhebb.evolution.training import UNVARIED, Training
 from epuckhebb.runs import prepare_evolution
 from epuckhebb.store import load_genome
-from epuckhebb.studies.sweep import write_summary_of_multirun
+from epuckhebb.studies.sweep import summarise_multirun
 from epuckhebb.tmaze.individual import Controller
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.scenario import Scenario
@@ -191,9 +191,9 @@ def test_the_baldwin_effect_of_hinton_and_nowlan(monkeypatch):
     instinct = list(evolve_in_maze(ga, Scenario(), SHORT, 2))
     assert max(one.fitness.max() for one in instinct) == 1  # a needle in a haystack: nobody finds it
     middle = next(one for one in learning if one.fitness.mean() > 5)
-    assert (learning[0].again[1], middle.again[1]) == (1, 1)  # learnt first,
-    assert middle.again[0] > 5
-    assert min(learning[-1].again) > 19.9  # then innate
+    assert (learning[0].remeasured[1], middle.remeasured[1]) == (1, 1)  # learnt first,
+    assert middle.remeasured[0] > 5
+    assert min(learning[-1].remeasured) > 19.9  # then innate
     assert evolution.history_row(learning[-1])["best_fitness_rule_off"] > 19.9
     assert "best_fitness_rule_off" not in evolution.history_row(instinct[-1])
 
@@ -243,7 +243,7 @@ def test_an_evolution_counts_once_and_only_when_it_is_finished():
     (table,) = pd.read_csv("many/summary.csv").to_dict("records")
     assert table["n"] == 2
     done("evolve", "resume=many/0", "ga.generations=3", "-q")
-    write_summary_of_multirun(Path("many"))
+    summarise_multirun(Path("many"))
     ways = pd.read_csv("many/summary.csv")
     assert dict(zip(ways.generations, ways.n, strict=True)) == {2: 2, 3: 1}
 

@@ -9,7 +9,7 @@ import pytest
 from cases import done, evolve_in_maze, first_of, refused
 
 import epuckhebb
-from epuckhebb.analysis.evaluate import individuals_for
+from epuckhebb.analysis.evaluate import make_individuals
 from epuckhebb.controller import random
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.genotype import Genotype
@@ -251,9 +251,9 @@ def test_a_champion_keeps_the_shuffled_signs_with_which_it_evolved(monkeypatch, 
     genome, other = load_genome("evolved", ""), load_genome("reference", "light")
     controllers, left = [Controller(name="own", rule=Paper(N=0.1, sign=Sign.shuffled))], [(0, "left", 0)]
     rest = (None, genome.plan, genome.network, 1)
-    (own,) = individuals_for(genome.genes, controllers, left, *rest, genome.signs)
+    (own,) = make_individuals(genome.genes, controllers, left, *rest, genome.signs)
     np.testing.assert_array_equal(own.signs, random.rng(5, random.Stream.shuffled_signs).choice([-1.0, 1.0], 234))
-    (drawn,) = individuals_for(genome.genes, controllers, left, *rest, other.signs)
+    (drawn,) = make_individuals(genome.genes, controllers, left, *rest, other.signs)
     assert (own.signs != drawn.signs).any()
 
 

@@ -42,7 +42,12 @@ def run(nominal, *overrides, side="right", world="scenario=base change=[lamp_gon
     settings = config(*world.split(), *overrides)
     (controller,) = settings.controllers
     individual = Individual(
-        genes=CHAMPION.genes, side=side, key=KEY, controller=controller, nominal=nominal.of(side), record=True
+        genes=CHAMPION.genes,
+        side=side,
+        key=KEY,
+        controller=controller,
+        nominal=nominal.statistics(side),
+        record=True,
     )
     lifetime = replace(settings.lifetime, record_every=1, duration_s=seconds)
     return run_lifetimes([individual], settings.world, lifetime)[0]
@@ -54,7 +59,7 @@ def test_agrees_with_the_oracle(beside_the_oracle, stays):
     adaptation = Adaptation(threshold=1.2, start_by_s=4.0, **finds, **stays)
     controller = Controller(name="x", rule=Paper(N=0.01, sign=Sign.anti), adaptation=adaptation)
     near = Scenario(goals={"left": Place(0.0, -0.1), "right": Place(0.0, -0.1)})  # in the stem, on the way
-    nominal = measure_nominal(CHAMPION.weights, Scenario(), 4.0).of("right")
+    nominal = measure_nominal(CHAMPION.weights, Scenario(), 4.0).statistics("right")
     more = {"seconds": 12.0, "nominal": nominal, "signs": -np.ones(234)}
     _, samples, robot = beside_the_oracle(CHAMPION.genes, "right", near, controller, **more)
     assert robot.arrived

@@ -125,7 +125,7 @@ def test_a_study_has_its_rows_its_page_and_its_figures(study):
     assert list(runs.coupling.unique()) == ["frozen", "Fitter", "Fitter (shuffled)", "oracle"]
     assert len(runs) == 2 * 4 * 2
     flock = Flock(duration_s=120.0, at_s=60.0, breaks="knower")
-    alone = tables.metrics_of(flock, run(flock, Frozen(), 2))
+    alone = tables.run_metrics(flock, run(flock, Frozen(), 2))
     row = runs[(runs.coupling == "frozen") & (runs.breaks == "knower") & (runs.seed == 2)].iloc[0]
     assert row.long_after == alone["long_after"]
     assert "smoke test" in (study / "report.md").read_text()

@@ -116,6 +116,6 @@ def test_a_job_is_known_by_all_that_its_results_depend_on(monkeypatch):
     ):
         with monkeypatch.context() as patched:
             patched.setattr(place, name, value)
-            names.append(sweep.Identities().of(config))
+            names.append(sweep.Identities().name(config))
     assert len(set(names)) == 4
-    assert sweep.Identities().of(config) == names[0]
+    assert sweep.Identities().name(config) == names[0]

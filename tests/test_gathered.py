@@ -76,7 +76,7 @@ def test_a_key_that_is_left_out_is_no_condition():
 
 def test_intervals_are_over_champions():
     found = gather([evaluated(name, name, n=n) for name, n in zip("abcdef", (2, 1, 0, 2, 1, 0), strict=True)])
-    over = summary.over_champions(found.rows, found.settings).set_index(["controller", "side"])
+    over = summary.champion_means(found.rows, found.settings).set_index(["controller", "side"])
     assert set(over.champions) == {6}
     assert over.success["Hebbian", "left"] == 0.5
     assert 0 < over.success_low["Hebbian", "left"] < 0.5 < over.success_high["Hebbian", "left"] < 1
@@ -149,9 +149,11 @@ def test_reversal_learning_has_a_rewarded_share_and_no_success():
     ]
     rows, settings = gather(each)
     rows["rewarded_share"] = ["0.4" if name < "d" else "0.8" for name in rows.genome]
-    over = summary.over_champions(rows, settings)
+    over = summary.champion_means(rows, settings)
     assert over.rewarded_share.tolist() == pytest.approx([0.6] * len(over))
     assert over.rewarded_share_low.between(0.4, 0.6, inclusive="left").all()
+    (shown,) = summary.readable({"over_champions": over})
+    assert "[" in next(iter(shown.rows))[-1]  # the interval that the title names
     assert summary.dose_response(rows, settings) is summary.rescue_and_harm(rows) is None
 
 

@@ -14,7 +14,7 @@ from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.wirings.elman import Elman
 from epuckhebb.evolution.evolve import Generation, history_row
-from epuckhebb.store.disk import arrays_of
+from epuckhebb.store.disk import parse_arrays
 from epuckhebb.store.genome import champion_file, load_genome
 from epuckhebb.store.traces import traces_arrays
 from epuckhebb.tmaze.physics.ode import Ode
@@ -74,5 +74,5 @@ def test_every_array_is_described():
     traces = Traces(controller=["GA"], side=["left"], samples=type(one)(*(array[None] for array in one)))
     assert set(traces_arrays(traces, np.zeros(216), network)) == set(described_columns("traces.npz"))
     champion = champion_file(load_genome("reference", "obstacles"), 1.0, 1, 2)
-    for name in arrays_of(champion):
+    for name in parse_arrays(champion):
         assert any(fnmatch(name, described) for described in described_columns("champion.npz")), name

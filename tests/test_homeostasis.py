@@ -32,7 +32,7 @@ def nominal(genomes):
 
 def life(genes, nominal, scenario=BRIGHT, controller=HOMEOSTATIC, side="left", seconds=10.0):
     individual = Individual(
-        genes=genes, side=side, key=KEY, controller=controller, nominal=nominal.of(side), record=True
+        genes=genes, side=side, key=KEY, controller=controller, nominal=nominal.statistics(side), record=True
     )
     return run_lifetimes([individual], scenario, Lifetime(duration_s=seconds, gain_rad_s=4, record_every=1))[0]
 
@@ -71,7 +71,7 @@ def test_the_scale_finds_the_level_of_the_light(nominal):
             adaptation=SimpleNamespace(homeostasis=state),
             weights=np.ones(PAPER_NETWORK.synapses),
         )
-        scale(life, SimpleNamespace(nominal=nominal.of("left")), step)
+        scale(life, SimpleNamespace(nominal=nominal.statistics("left")), step)
     assert tally["scale"][0] == pytest.approx(2.5, rel=0.15)
     assert tally["scaling"][0] == pytest.approx(2 * 8 * 7 * (tally["scale"][0] - 1))  # weights of 1: 56, and 7 biases
 
@@ -88,7 +88,9 @@ def test_a_scale_that_explains_nothing_is_not_used(genomes, nominal):
 def test_agrees_with_the_oracle(genomes, nominal, world):
     world = replace(BRIGHT, **world)
     outcome, samples = life(genomes[0], nominal, world, side="right")
-    robot = reference.Robot(genomes[0], world, "right", HOMEOSTATIC, gain=4, key=KEY, nominal=nominal.of("right"))
+    robot = reference.Robot(
+        genomes[0], world, "right", HOMEOSTATIC, gain=4, key=KEY, nominal=nominal.statistics("right")
+    )
     expected, steps = reference.live(robot, len(samples.time))
     np.testing.assert_allclose(samples.sensors, [s[3] for s in steps], rtol=0, atol=1e-6)
     np.testing.assert_allclose(samples.pose, [s[:3] for s in steps], rtol=0, atol=1e-7)

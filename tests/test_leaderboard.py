@@ -16,7 +16,7 @@ from epuckhebb.runs import earlier_champions
 from epuckhebb.runtime.conf import groups
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.studies import leaderboard, methods
-from epuckhebb.studies.methods import in_reversal, methods_named
+from epuckhebb.studies.methods import find_methods, reversal_methods
 from epuckhebb.tmaze.tasks.reversal import Reversal
 
 ROOT = Path(__file__).parents[1]
@@ -151,7 +151,7 @@ def test_off_is_the_twin_where_something_is_laid_over(made):
 
 def test_a_rule_that_evolves_something_is_evolved():
     rule = str(EXAMPLES / "own_rule" / "evolved_rule.py") + ":Layered"
-    matched_control, method = methods_named([rule])
+    matched_control, method = find_methods([rule])
     assert (matched_control.name, method.name, method.matched_control) == (
         "sep_cma_es_varied",
         "Layered",
@@ -220,16 +220,16 @@ def test_the_share_of_a_learner_by_hand():
             "rewarded_share": [0.5, 0.5, 0.6, 0.8, 0.1, 0.4],
         }
     )
-    count, worlds = board.of_learner(lives, Reversal())
+    count, worlds = board.learner_counts(lives, Reversal())
     assert count == {"solves": 1, "trials": 20, "successes": 14, "successes_off": 10, "successes_inverted": 5}
     assert worlds.to_dict("records") == [{"scenario": "base", "trials": 20, "successes": 14}]
-    count, _ = board.of_learner(lives[lives.controller == "GA"], Reversal())
+    count, _ = board.learner_counts(lives[lives.controller == "GA"], Reversal())
     assert count == {"solves": 0, "trials": 20, "successes": 10, "successes_off": None, "successes_inverted": None}
 
 
 def test_methods_that_differ_in_training_or_optimizer_alone_are_one_in_reversal_learning():
     names = ["ga_varied", "abcd", "evolve_and_merge", "late", "modulated_over_ga", "online", "elman"]
-    here = {method.name: method for method in in_reversal(methods_named(names))}
+    here = {method.name: method for method in reversal_methods(find_methods(names))}
     assert list(here) == ["ga", "abcd", "modulated_over_ga", "elman"]
     assert here["elman"].evolve == {"task": "reversal", "ga": "reversal", "network.wiring": "elman"}
     assert here["ga"].evolve == {"task": "reversal", "ga": "reversal"}
@@ -270,7 +270,7 @@ def test_two_rules_of_one_name_are_refused(tmp_path):
     (tmp_path / "other.py").write_text(f"{rule}# another\n")
     shutil.copy(EXAMPLES / "own_rule" / "my_rules.py", tmp_path / "one.py")
     with pytest.raises(ConfigError, match="another one has the name Gated"):
-        methods_named([f"{tmp_path}/one.py:Gated", f"{tmp_path}/other.py:Gated"])
+        find_methods([f"{tmp_path}/one.py:Gated", f"{tmp_path}/other.py:Gated"])
 
 
 # Statistics

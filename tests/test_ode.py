@@ -12,7 +12,7 @@ from cases import done
 from epuckhebb.config import training_world
 from epuckhebb.config.compose import load
 from epuckhebb.config.schema import EvaluateConfig
-from epuckhebb.export.replay import page_of, recording
+from epuckhebb.export.replay import recording, recording_page
 from epuckhebb.gym import TMaze
 from epuckhebb.live.world import LiveWorld
 from epuckhebb.runs import prepare_evaluation, repeat
@@ -21,7 +21,7 @@ from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.store import Run
 from epuckhebb.store.genome import load_genome
 from epuckhebb.studies import leaderboard
-from epuckhebb.studies.champions import evaluation_named, in_world_of
+from epuckhebb.studies.champions import move_world, world_evaluation
 from epuckhebb.tmaze import libode
 from epuckhebb.tmaze.batch import run_lifetimes
 from epuckhebb.tmaze.block import LostRobotError
@@ -192,7 +192,7 @@ def test_a_life_changed_by_hand_is_kept_with_roll_and_pitch_and_repeats(here):
         assert np.abs(arrays["tilt"]).max() > 0
     again, difference = repeat(run.path)
     assert difference == ""
-    assert page_of(recording(again))
+    assert recording_page(recording(again))
 
 
 @needs_ode
@@ -207,8 +207,8 @@ def test_a_test_world_of_a_study_has_its_own_physics_or_that_of_the_study(tmp_pa
         (of_ode, "base+plane", "pymunk"),
         (of_plane, "base+mine", "ode"),
     ):
-        other = evaluation_named(name, str(tmp_path))
-        there = in_world_of(prepare_evaluation(load(EvaluateConfig, words)), other).config
+        other = world_evaluation(name, str(tmp_path))
+        there = move_world(prepare_evaluation(load(EvaluateConfig, words)), other).config
         scenario, *changes = name.split("+")
         alone = load(EvaluateConfig, [f"scenario={scenario}", f"change={changes}", *words], str(tmp_path))
         assert there.world.physics.name == alone.world.physics.name

@@ -464,11 +464,11 @@ def test_copies_of_all_files_of_the_folder_will_do(tmp_path):
 def test_an_identity_changes_with_a_file_that_a_rule_imports(tmp_path):
     write(tmp_path, {"my": RULE, "helper": "DECAY = 1.0\n"})
     config = load(EvaluateConfig, [f"hebbian.rule={tmp_path}/my.py:oja", "hebbian.decay=1"]).values
-    before, files = Identities().of(config), plugins.own_sources(config)
+    before, files = Identities().name(config), plugins.own_sources(config)
     assert sorted(files) == [f"{tmp_path}/helper.py", f"{tmp_path}/my.py"]
-    assert Identities().of(config) == before
+    assert Identities().name(config) == before
     write(tmp_path, {"helper": "DECAY = 3.0\n"})  # as long as before, and within the same second
-    assert Identities().of(config) != before
+    assert Identities().name(config) != before
     assert plugins.class_named(f"{tmp_path}/my.py:oja", Rule, "hebbian.rule").decay == 3.0
 
 

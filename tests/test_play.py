@@ -19,7 +19,7 @@ import pytest
 from cases import refused
 
 import epuckhebb
-from epuckhebb.export.replay import page_of, recording
+from epuckhebb.export.replay import recording, recording_page
 from epuckhebb.flock.couplings.live_fitness import LiveFitness
 from epuckhebb.flock.plane import Flock, run
 from epuckhebb.live import page
@@ -92,7 +92,7 @@ def test_a_saved_life_is_the_one_that_was_seen(here, words, side):
     again, difference = repeat(run)
     assert difference == ""
     recorded = recording(again)
-    assert page_of(recorded).count('"byHand":true') == 150
+    assert recording_page(recorded).count('"byHand":true') == 150
     assert "150 changes by hand" in recorded.title
     assert "scenario.hand=" in saved["command"]
 

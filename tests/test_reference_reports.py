@@ -83,7 +83,7 @@ def test_the_report_of_the_reproduction_is_that_of_its_tables(committed):
         shown[experiment] = (name, int(agreeing), int(cells))
     champions, repeats = map(int, re.search(r"(\d+) champions of each .*; (\d+) ", text).groups())
     captions = {name: caption for caption, name in re.findall(r"!\[(.*)\]\(figures/(.*)\)", text)}
-    facts = {"champions": champions, "repeats": repeats, "given": False, "provenance": text.splitlines()[2]}
+    facts = {"champions": champions, "repeats": repeats, "is_fixed": False, "provenance": text.splitlines()[2]}
     committed(path, reproduction.markdown(own, titles, shown, captions, **facts))
 
 

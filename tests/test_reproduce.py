@@ -20,7 +20,7 @@ ALL = ["reproduce", "obstacles", "champions=2", "repeats=1", "rates=[0.001]", "h
 @pytest.fixture
 def _no_figures(monkeypatch):
     """Leave out what takes longest, where only the numbers matter."""
-    monkeypatch.setattr(reproduction, "figures_of", lambda *_: {})
+    monkeypatch.setattr(reproduction, "make_figures", lambda *_: {})
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +28,7 @@ def made(tmp_path_factory):
     """The folder of a small study without figures, which take longest, and what the command printed."""
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("reproduce"))
-        patch.setattr(reproduction, "figures_of", lambda *_: {})
+        patch.setattr(reproduction, "make_figures", lambda *_: {})
         result = done(*ALL)
     (folder,) = (tmp_path_factory.getbasetemp() / "reproduce0" / "runs" / "reproduce").iterdir()
     return folder, result

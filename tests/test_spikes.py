@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from cases import SMALL_GA, done, first_of, refused
 
-from epuckhebb.adaptation.change_signal import SignalContext, no_nominal, signal_of
+from epuckhebb.adaptation.change_signal import SignalContext, no_nominal, signal_function
 from epuckhebb.adaptation.change_signals import spiking
 from epuckhebb.controller.controller import Controller as Loop
 from epuckhebb.controller.genome import plan_of
@@ -96,7 +96,7 @@ def test_substeps_are_bit_identical_to_shorter_steps_with_the_same_inputs():
 
 
 def test_the_spiking_signal_is_silent_up_to_its_threshold_and_then_the_rate_of_a_neuron():
-    signal, state = signal_of(spiking.Spiking), stored(spiking.Spiking.state, 1).view(np.recarray)
+    signal, state = signal_function(spiking.Spiking), stored(spiking.Spiking.state, 1).view(np.recarray)
     nominal = no_nominal(16, 8)._replace(reading_spread=np.full((2, 16), 1.0 - 0.01))
 
     def after_a_minute(novelty):

@@ -77,7 +77,7 @@ def test_a_dry_run_lists_the_jobs_and_writes_nothing(here, name):
 
 def test_all_that_the_sweep_of_adaptations_names_is_there():
     swept = OmegaConf.load(data_folder("conf") / "experiment" / "adaptive.yaml").hydra.sweeper.params
-    assert [len(worlds) for worlds in leaderboard.tests_of(["adaptive"], None).values()] == [8, 8]
+    assert [len(worlds) for worlds in leaderboard.experiment_worlds(["adaptive"], None).values()] == [8, 8]
     (words,) = alternatives(readable([f"genome={swept.genome}"])).values()
     assert len(words) == 40
     for word in words:
@@ -101,7 +101,7 @@ def test_what_is_listed_is_what_hydra_would_compose(words):
     assert len({job.run for job in jobs}) == len(jobs) > 1
     for job in jobs:
         assert compose.load(EvaluateConfig, job.overrides).values == job.config
-        assert identities.of(job.config) == sweep.Identities().of(job.config) == job.run
+        assert identities.name(job.config) == sweep.Identities().name(job.config) == job.run
 
 
 @pytest.mark.thorough

@@ -12,8 +12,8 @@ import pytest
 from cases import call, done, first_of
 
 import epuckhebb
-from epuckhebb.analysis import report
 from epuckhebb.analysis.figures import plain as in_figures
+from epuckhebb.analysis.page import study_page
 from epuckhebb.analysis.tables import Table, code, plain
 from epuckhebb.cli.console import report_errors
 from epuckhebb.config import overrides
@@ -69,7 +69,7 @@ def test_a_name_is_shown_to_the_letter(name):
 )
 def test_a_report_has_names_to_the_letter_and_a_policy(name):
     text = f"Genome {code(name)}.\n\n{Table([plain(name), 'b'], [[code(name), '1']]).markdown()}"
-    page = report.html(text, str.encode)
+    page = study_page(text, str.encode)
     assert "<img" not in page
     assert "<a " not in page
     assert "<em>" not in page

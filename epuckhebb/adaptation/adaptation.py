@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.adaptation import change_signals
 from epuckhebb.adaptation.change_signal import ChangeSignal, no_nominal
-from epuckhebb.adaptation.exploration import following, halting, with_motor_noise
+from epuckhebb.adaptation.exploration import halting_exploration, motor_noise_exploration, wall_exploration
 from epuckhebb.adaptation.gate import PlasticWhen, Stay, gates
 from epuckhebb.adaptation.homeostasis import HomeostasisState, homeostasis, initial_homeostasis_state
 from epuckhebb.adaptation.wall_following import wall_following
@@ -131,11 +131,11 @@ class Adaptation(NoAdaptation):
         limit = robot.motor_limit_rad_s
         explore, open_gate = NO_HOOKS.explore, NO_HOOKS.open_gate
         if self.signal is not None:
-            explore = with_motor_noise(limit)
+            explore = motor_noise_exploration(limit)
             if self.follows_walls:
-                explore = following(wall_following(robot), limit)
+                explore = wall_exploration(wall_following(robot), limit)
             if self.stay.halts:
-                explore = halting(explore)
+                explore = halting_exploration(explore)
             open_gate = gates(self.signal, self.plastic_when, self.stay)
         return Hooks(
             scale=homeostasis(robot.light.count, post) if self.homeostasis else NO_HOOKS.scale,

@@ -61,7 +61,7 @@ class ChangeSignal(OwnClass):
     signal: ClassVar[Callable[..., float] | None] = None
 
 
-def signal_of(kind: type[ChangeSignal]) -> Callable[..., float]:
+def signal_function(kind: type[ChangeSignal]) -> Callable[..., float]:
     """The function `signal(now, nominal, state)` of a kernel, of a `SignalContext`, a `NominalOfSide` and a record."""
     call = call_of(kind.signal, kind.arguments("signal"), _OF_SIGNAL, "now, nominal, state")
     return compiled(lambda now, nominal, state: number(call(now, nominal, state)))

@@ -15,29 +15,29 @@ Explore = Callable[..., tuple[float, float]]  # `explore` of `adaptation.Hooks`
 
 
 @compiled
-def within_motor(output: float, noise: float, gain: float, motor_limit: float) -> float:
+def limit_output(output: float, noise: float, gain: float, motor_limit: float) -> float:
     """A wheel's output with noise, limited to what the motor can do at this gain [rad/s]."""
     fastest = motor_limit / gain
     return min(fastest, max(-fastest, output + noise))
 
 
-def with_motor_noise(motor_limit: float) -> Explore:
+def motor_noise_exploration(motor_limit: float) -> Explore:
     """Exploration by noise on both wheels."""
 
     @compiled
     def explore(life: Any, setup: Any, left: float, right: float) -> tuple[float, float]:
         tally = life.tally[0]
         if setup.adaptation.motor_noise > 0.0 and tally.exploring:
-            left = within_motor(left, tally.noise_left, setup.gain, motor_limit)
-            right = within_motor(right, tally.noise_right, setup.gain, motor_limit)
+            left = limit_output(left, tally.noise_left, setup.gain, motor_limit)
+            right = limit_output(right, tally.noise_right, setup.gain, motor_limit)
         return left, right
 
     return explore
 
 
-def following(follow: Callable[..., tuple[float, float]], motor_limit: float) -> Explore:
-    """Exploration along walls. follow: of `wall_following`."""
-    add_noise = with_motor_noise(motor_limit)
+def wall_exploration(follow: Callable[..., tuple[float, float]], motor_limit: float) -> Explore:
+    """Exploration along walls. follow: the function that `wall_following` makes for a robot."""
+    add_noise = motor_noise_exploration(motor_limit)
 
     @compiled
     def explore(life: Any, setup: Any, left: float, right: float) -> tuple[float, float]:
@@ -50,7 +50,7 @@ def following(follow: Callable[..., tuple[float, float]], motor_limit: float) ->
     return explore
 
 
-def halting(explore: Explore) -> Explore:
+def halting_exploration(explore: Explore) -> Explore:
     """An exploration that ends with a halt at the goal."""
 
     @compiled

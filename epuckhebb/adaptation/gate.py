@@ -12,7 +12,7 @@ from enum import Enum
 from typing import Any
 
 from epuckhebb.adaptation import exploration
-from epuckhebb.adaptation.change_signal import ChangeSignal, SignalContext, signal_of, update_recent
+from epuckhebb.adaptation.change_signal import ChangeSignal, SignalContext, signal_function, update_recent
 from epuckhebb.controller.compiling.kernel import compiled
 from epuckhebb.controller.own_class import is_own
 from epuckhebb.tmaze.robot import STEP_S
@@ -57,7 +57,7 @@ def resting(late_s: float, active_s: float, rest_s: float) -> bool:
 
 def gates(kind: type[ChangeSignal], plastic_when: PlasticWhen, stay: Stay) -> Callable[..., float]:
     """The function that opens both gates, `open_gate` of `adaptation.Hooks`."""
-    signal = signal_of(kind)
+    signal = signal_function(kind)
     always, at_the_goal = plastic_when is PlasticWhen.always, plastic_when is PlasticWhen.goal_signal
     halts, for_good, must_be_number = stay.halts, stay is Stay.halt, is_own(kind)
 

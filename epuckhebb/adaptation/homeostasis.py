@@ -55,7 +55,7 @@ def light_patterns(lifetimes: Sequence[Floats]) -> tuple[Floats, float]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # a cluster that is empty stays where it is
         patterns, _ = kmeans2(sensed, first, minit="matrix")
-    lengths = lengths_of(patterns)
+    lengths = pattern_lengths(patterns)
     most = light.NOISE
     for bright in lifetimes:
         nearest = patterns[(bright @ patterns.T / lengths).argmax(axis=1)]
@@ -66,7 +66,7 @@ def light_patterns(lifetimes: Sequence[Floats]) -> tuple[Floats, float]:
     return patterns, float(most)
 
 
-def lengths_of(patterns: Floats) -> Floats:
+def pattern_lengths(patterns: Floats) -> Floats:
     """The lengths of patterns, (patterns, lights), never 0."""
     lengths: Floats = np.sqrt(_DARK + (patterns**2).sum(axis=1))
     return lengths

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from epuckhebb.adaptation.change_signal import RECENT_S, NominalOfSide
-from epuckhebb.adaptation.homeostasis import EVERY, lengths_of, light_patterns
+from epuckhebb.adaptation.homeostasis import EVERY, light_patterns, pattern_lengths
 from epuckhebb.controller import random
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.readonly import readonly
@@ -51,8 +51,8 @@ class Nominal:
     patterns: Floats
     novelty: float
 
-    def of(self, side: Side) -> NominalOfSide:
-        """The statistics for this side."""
+    def statistics(self, side: Side) -> NominalOfSide:
+        """The nominal statistics of one side, as a kernel needs them."""
         k = SIDES.index(side)
         nominal: NominalOfSide = readonly(
             NominalOfSide(
@@ -62,7 +62,7 @@ class Nominal:
                 self.reading_mean,
                 self.reading_spread,
                 np.ascontiguousarray(self.patterns.T),
-                lengths_of(self.patterns),
+                pattern_lengths(self.patterns),
                 self.novelty,
             )
         )
@@ -72,7 +72,7 @@ class Nominal:
 def measure_nominal(
     genes: Floats, scenario: Scenario, gain_rad_s: float = 1.0, threads: int = 1, network: Network = PAPER_NETWORK
 ) -> Nominal:
-    """Run lifetimes in the training world and measure nominal statistics; the same genome always gives the same.
+    """Run lifetimes in the training world and measure nominal statistics; they depend on genome and world alone.
 
     genes: weights of the network, (synapses,). scenario: the training world. gain_rad_s: wheel speed of a network
     output of 1.

@@ -15,7 +15,7 @@ from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 from epuckhebb.analysis import rescue
-from epuckhebb.analysis.image import in_house_style, plain
+from epuckhebb.analysis.image import house_style, plain
 from epuckhebb.analysis.statistics import LEAST
 from epuckhebb.controller.network import initial_weights_of
 from epuckhebb.controller.plasticity.weight_change import saturated_fraction
@@ -47,46 +47,42 @@ _OWN_PANELS = 3  # changed worlds that have a panel each
 _NAMED = 8  # rates for whose names an axis has room
 
 
-def by_experiment(table: "pd.DataFrame") -> "list[tuple[str, pd.DataFrame]]":
+def group_experiments(table: "pd.DataFrame") -> "list[tuple[str, pd.DataFrame]]":
     """The rows of each experiment; obstacles before light."""
     return sorted(table.groupby("experiment"), reverse=True)
 
 
-def in_margin(axes: Axes, text: str, height: float = 0.5) -> None:
-    """Write at the right margin of a panel. height: as a share of it."""
-    axes.annotate(text, (1, height), (7, 0), xycoords="axes fraction", textcoords="offset points", va="center")
-
-
-def beside(axes: Axes, text: str, place: float, points: float = 4, **look: Any) -> None:
+def annotate_row(axes: Axes, text: str, place: float, points: float = 4, **look: Any) -> None:
     """Write a number of a row at the right margin of its panel. place: of the row. points: from the edge."""
     where: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points", "va": "center"}
     axes.annotate(text, (1, place), (points, 0), fontsize=8, **where, **look)
 
 
-def too_few() -> Figure:
-    """In place of a figure without a row."""
+def empty_figure() -> Figure:
+    """A figure that says why it has no row."""
     figure = Figure(figsize=(5.2, 1.0))
-    figure.text(
-        0.5,
-        0.5,
-        f"Fewer than {LEAST} champions have such trials: no interval, and no figure.",
-        ha="center",
-        va="center",
-    )
+    text = f"Fewer than {LEAST} champions have such trials: no interval, and no figure."
+    figure.text(0.5, 0.5, text, ha="center", va="center")
     return figure
 
 
-def with_interval(axes: Axes, x: "Sequence[float] | pd.Series", rows: "pd.DataFrame", column: str, **look: Any) -> None:
+def sample_size(rows: "pd.DataFrame") -> str:
+    """How many champions intervals are over; of a single one, how many lifetimes."""
+    champions, lifetimes = rows[["champions", "lifetimes"]].max()
+    return f"{champions} champions" if champions > 1 else f"{lifetimes} lifetimes"
+
+
+def draw_interval(axes: Axes, x: "Sequence[float] | pd.Series", rows: "pd.DataFrame", column: str, **look: Any) -> None:
     """Draw a column of a table, with its interval where that is known."""
     y, low, high = (rows[column + end].to_numpy(float) for end in ("", "_low", "_high"))
     axes.errorbar(x, y, np.nan_to_num([y - low, high - y]), **look)
 
 
-@in_house_style()
+@house_style()
 def dose_response(doses: "pd.DataFrame") -> Figure:
     """Success, weight change and saturated weights against the base rate, a row of panels for each condition.
 
-    doses: of `analysis.summary.dose_response`; the rows of `GA` are without plasticity.
+    doses: a row for each condition, controller, rate and side; the rows of `GA` are without plasticity.
     """
     conditions = list(doses.groupby("condition", sort=False))
     rates = np.sort(doses.N[doses.N > 0].unique())
@@ -97,7 +93,7 @@ def dose_response(doses: "pd.DataFrame") -> Figure:
             for (side, of_side), shift in zip(own.groupby("side"), (1 / 1.04, 1.04), strict=True):
                 plastic, alone = (of_side[(of_side.controller == GA) == is_ga] for is_ga in (False, True))
                 look = {"color": SIDE[side], "marker": MARKER[side], "label": side}
-                with_interval(axes, plastic.sort_values("N").N * shift, plastic.sort_values("N"), column, **look)
+                draw_interval(axes, plastic.sort_values("N").N * shift, plastic.sort_values("N"), column, **look)
                 if column == "success" and len(alone):
                     axes.axhline(alone.success.iloc[0], color=SIDE[side], linestyle="--", label=f"GA alone, {side}")
             axes.set_xscale("log")
@@ -109,9 +105,10 @@ def dose_response(doses: "pd.DataFrame") -> Figure:
         panels[0].set_ylim(-0.04, 1.04)
         if (own.weight_change_mean > 0).any():  # an adaptation may never act
             panels[1].set_yscale("log")
-        count = own[["champions", "lifetimes"]].max()
-        n, unit = (count.champions, "champions") if count.champions > 1 else (count.lifetimes, "lifetimes")
-        in_margin(panels[2], f"n = {n}\n{unit}")
+        n = sample_size(own).replace(" ", "\n")
+        panels[2].annotate(
+            f"n = {n}", (1, 0.5), (7, 0), xycoords="axes fraction", textcoords="offset points", va="center"
+        )
     for axes, label in zip(rows[0], _DOSES.values(), strict=True):
         axes.annotate(label, (0.5, 1.22), xycoords="axes fraction", ha="center")
     for axes in rows[-1]:
@@ -123,18 +120,18 @@ def dose_response(doses: "pd.DataFrame") -> Figure:
     return figure
 
 
-@in_house_style()
+@house_style()
 def rescue_and_harm(over_all: "pd.DataFrame", by_world: "pd.DataFrame") -> Figure:
     """Rescued and harmed trials of each plasticity, with intervals and counts: a row of panels for each experiment.
 
     An experiment with at most three changed worlds has a panel for each, others one for all together.
 
-    over_all, by_world: of `findings.rescue_over_all` and `rescue_and_harm`. What fewer than six champions can show has
-    no interval, and is left out.
+    over_all, by_world: the tables `rescue_over_all.csv` and `rescue_and_harm.csv`. What fewer than six champions can
+    show has no interval, and is left out.
     """
-    rows = {one: panels for one, own in by_experiment(over_all) if (panels := _panels(str(one), own, by_world))}
+    rows = {one: panels for one, own in group_experiments(over_all) if (panels := _panels(str(one), own, by_world))}
     if not rows:
-        return too_few()
+        return empty_figure()
     columns, methods = max(map(len, rows.values())), [max(len(own) for _, own in panels) for panels in rows.values()]
     figure = Figure(figsize=(2.4 + 3.0 * columns, 0.6 + sum(0.9 + 0.27 * count for count in methods)))
     grid = figure.subplots(len(rows), columns, squeeze=False, height_ratios=[2 + count for count in methods])
@@ -161,6 +158,7 @@ def _panels(experiment: str, over_all: "pd.DataFrame", by_world: "pd.DataFrame")
 
 
 def _rescue_panel(axes: Axes, own: "pd.DataFrame") -> None:
+    """Draw the shares of trials rescued and harmed, a row for each plasticity, with counts at the right."""
     one_rate = own.controller.map(own.controller.value_counts() == 1)
     names = own.controller.where(one_rate, [rescue.label(row.controller, row.N) for row in own.itertuples()])
     places = np.arange(len(own))
@@ -178,14 +176,14 @@ def _rescue_panel(axes: Axes, own: "pd.DataFrame") -> None:
         }
         axes.errorbar(share, places + shift, xerr=[share - low, high - share], label=text, **look)
         for place, part, of in zip(places, own[what], own[whole], strict=True):
-            beside(axes, f"{part}/{of}", float(place), column, color=EFFECT[what])
+            annotate_row(axes, f"{part}/{of}", float(place), column, color=EFFECT[what])
     axes.set_yticks(places, [plain(name) for name in names])
     axes.set(xlim=(0, 1), ylim=(len(own) - 0.5, -0.5))
     axes.grid(axis="x")
     axes.tick_params(axis="y", length=0)
 
 
-@in_house_style()
+@house_style()
 def learning_curves(ways: "Mapping[str, Sequence[pd.DataFrame]]", keys: str = "") -> Figure:
     """Best fitness over the robot-steps of evolutions: a line for each way to evolve, on one axis.
 
@@ -216,7 +214,7 @@ def learning_curves(ways: "Mapping[str, Sequence[pd.DataFrame]]", keys: str = ""
     return figure
 
 
-@in_house_style()
+@house_style()
 def weight_change(conditions: Mapping[str, Mapping[str, Samples]], against: str, title: str) -> Figure:
     """A panel for each condition: weight change between samples against a sensor reading.
 
@@ -240,7 +238,7 @@ def weight_change(conditions: Mapping[str, Mapping[str, Samples]], against: str,
     return figure
 
 
-@in_house_style()
+@house_style()
 def weights(genes: NDArray[np.float64], lifetimes: Mapping[str, Samples], bound: float, title: str) -> Figure:
     """Each weight before and after a lifetime, a panel a side. bound: of the weights. genes: the weights first."""
     figure = Figure(figsize=(3.8 * len(lifetimes), 4.2))
@@ -264,7 +262,7 @@ def weights(genes: NDArray[np.float64], lifetimes: Mapping[str, Samples], bound:
 _AROUND = (-3, 6)  # trials after the switch
 
 
-@in_house_style()
+@house_style()
 def reversal(table: "pd.DataFrame", trials: "pd.DataFrame", title: str) -> Figure:
     """The rewarded share of each controller around a switch of the rewarded end, beside the first limit of `table`.
 
@@ -292,7 +290,7 @@ def reversal(table: "pd.DataFrame", trials: "pd.DataFrame", title: str) -> Figur
     return drawn
 
 
-@in_house_style()
+@house_style()
 def lifetime(course: "pd.DataFrame", title: str, changes: Sequence[int]) -> Figure:
     """The mean reward of a step and the weight change over a lifetime in an environment, with the changes marked.
 
@@ -303,9 +301,8 @@ def lifetime(course: "pd.DataFrame", title: str, changes: Sequence[int]) -> Figu
     for (name, own), (colour, line) in zip(course.groupby("controller", sort=False), itertools.cycle(SERIES)):
         for axes, column in zip(panels, ("reward", "weight_change"), strict=True):
             axes.plot(own.step, own[column], color=colour, linestyle=line, label=plain(str(name)))
-        panels[0].fill_between(
-            own.step, own.reward_quartile_1, own.reward_quartile_3, color=colour, alpha=0.15, linewidth=0
-        )
+        quartiles = own.reward_quartile_1, own.reward_quartile_3
+        panels[0].fill_between(own.step, *quartiles, color=colour, alpha=0.15, linewidth=0)
     for axes, label in zip(panels, ("mean reward of a step, quartiles", "weight change"), strict=True):
         for step in changes:
             axes.axvline(step, color=INK, linewidth=0.8, linestyle=":")
@@ -316,7 +313,7 @@ def lifetime(course: "pd.DataFrame", title: str, changes: Sequence[int]) -> Figu
     return drawn
 
 
-@in_house_style()
+@house_style()
 def returns(rows: "pd.DataFrame") -> Figure:
     """The mean return before and after a change, of each rule and its controls, with intervals: a panel a change.
 
@@ -334,14 +331,12 @@ def returns(rows: "pd.DataFrame") -> Figure:
             look = {"linestyle": "", "marker": marker, "color": colour, "markersize": 4, "label": when}
             axes.plot(own[f"return_{when}"], places, **look)
         for place, value in zip(places, own.return_after, strict=True):
-            beside(axes, f"{round(value)}", place)
+            annotate_row(axes, f"{round(value)}", place)
         axes.set(title=plain(str(change)) or "nothing changes", xlabel="return")
         axes.grid(axis="x")
     panels[0].set_yticks(range(len(names)), [plain(name) for name in names])
     panels[0].invert_yaxis()
-    count, unit = rows.champions.max(), "champions"
-    if count == 1:
-        count, unit = rows.lifetimes.max(), "lifetimes"
-    drawn.supxlabel(f"mean of n = {count} {unit}, 95 % interval; beside it, the return after the change", fontsize=9)
+    n = sample_size(rows)
+    drawn.supxlabel(f"mean of n = {n}, 95 % interval; beside it, the return after the change", fontsize=9)
     drawn.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
     return drawn

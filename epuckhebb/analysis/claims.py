@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from epuckhebb.analysis.findings import PAPER_N, outcomes, ratio, solved_in_training
-from epuckhebb.analysis.statistics import bootstrap, mean, wilson_by_champion
+from epuckhebb.analysis.statistics import bootstrap, bounds, mean, wilson_by_champion
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.tmaze.individual import CONTROLS, GA, HEBBIAN
 
@@ -37,13 +37,13 @@ def claim(
     claim is true, of how many, (champions,). control: in how many it is true with shuffled signs.
     """
     true, n, champions = int(part.sum()), int(whole.sum()), int((whole > 0).sum())
-    low, high = wilson_by_champion(part, whole)
+    interval = wilson_by_champion(part, whole)
     row = {"claim": text, "counted": counted, "true": true, "n": n, "champions": champions}
-    row |= {"share": ratio(true, n), "low": low, "high": high}
+    row |= {"share": ratio(true, n), **bounds("", interval)}
     if control is not None:
-        row |= dict(zip(("control_low", "control_high"), wilson_by_champion(control, whole), strict=True))
+        row |= bounds("control_", wilson_by_champion(control, whole))
         row |= {"control_true": int(control.sum()), "control_share": ratio(int(control.sum()), n)}
-    return row | {"verdict": verdict(low, high, n, champions)}
+    return row | {"verdict": verdict(*interval, n, champions)}
 
 
 def verdict(low: float, high: float, n: int, champions: int, paper: float | None = None) -> str:
@@ -76,16 +76,16 @@ def effect(before: pd.Series, after: pd.Series, paper: float, control: pd.Series
         effect, effect_low, effect_high, control_effect, control_effect_low, control_effect_high, paper_effect [%],
         effect_absolute, in the unit of the values; verdict.
     """
-    row: dict[str, Any] = {"paper_effect": paper, "effect_absolute": _mean_of(after - before)[0]}
+    row: dict[str, Any] = {"paper_effect": paper, "effect_absolute": _champion_mean(after - before)[0]}
     for prefix, values in (("", after), ("control_", control)):
         keys = (f"{prefix}effect", f"{prefix}effect_low", f"{prefix}effect_high")
-        row |= dict(zip(keys, _mean_of(100 * (values / before - 1)), strict=True))
+        row |= dict(zip(keys, _champion_mean(100 * (values / before - 1)), strict=True))
     known = (after / before).dropna()
     champions = known.index.get_level_values("genome").nunique()
     return row | {"verdict": verdict(row["effect_low"], row["effect_high"], len(known), champions, paper)}
 
 
-def _mean_of(values: pd.Series) -> tuple[float, float, float]:
+def _champion_mean(values: pd.Series) -> tuple[float, float, float]:
     """The mean over champions, each with the mean of its trials, and the interval."""
     by_champion = values.groupby("genome", sort=False).mean().to_numpy(float)
     known = by_champion[~np.isnan(by_champion)]
@@ -95,7 +95,7 @@ def _mean_of(values: pd.Series) -> tuple[float, float, float]:
 def claims(each: pd.DataFrame, published: pd.DataFrame) -> pd.DataFrame:
     """The paper's claims, one row each; those on plasticity with shuffled signs beside them.
 
-    Column `champions`: how many have a trial that could show the claim. published: of `published.published_values`.
+    Column `champions`: how many have a trial that could show the claim. published: the paper's numbers, a row each.
     """
     present = set(each.experiment)
     return pd.DataFrame(
@@ -113,6 +113,7 @@ _CLAIM += ["control_effect", "control_effect_low", "control_effect_high", "verdi
 
 
 def _light_claims(each: pd.DataFrame, _: pd.DataFrame) -> Iterator[dict[str, Any]]:
+    """The paper's claims on changed light, one row each."""
     of, rate = partial(outcomes, each, "light"), PAPER_N["light"]
     bright, dim = of("highlight", GA, 0.0), of("lowlight", GA, 0.0)
     (bright_plastic, bright_control), (dim_plastic, dim_control) = (
@@ -128,6 +129,7 @@ def _light_claims(each: pd.DataFrame, _: pd.DataFrame) -> Iterator[dict[str, Any
 
 
 def _obstacle_claims(each: pd.DataFrame, published: pd.DataFrame) -> Iterator[dict[str, Any]]:
+    """The paper's claims on obstacles, one row each."""
     of, rate = partial(outcomes, each, "obstacles"), PAPER_N["obstacles"]
     base = of("base", GA, 0.0)
     any_broken, any_small, any_large = [], [], []
@@ -183,26 +185,26 @@ def showcase(each: pd.DataFrame, published: pd.DataFrame, experiment: str) -> tu
     """
     ours = each[(each.experiment == experiment) & each.N.isin([0.0, PAPER_N[experiment]])]
     ours = ours[ours.controller.isin([GA, HEBBIAN])]
-    paper = published[published.experiment == experiment].set_index(["scenario", "controller", "side"]).success
+    cell = ["scenario", "controller", "side"]
+    paper = published[published.experiment == experiment].set_index(cell).success.dropna().astype(bool)
     solved = solved_in_training(each, experiment)
     names = list(dict.fromkeys(ours.genome))
     solves = [name for name in names if all((name, side) in solved for side in ("left", "right"))]
-    agreement = {}
-    for name in solves or names:
-        own = ours[ours.genome == name].set_index(["scenario", "controller", "side"]).succeeds
-        shared = [cell for cell in paper.index if cell in own.index and not np.isnan(paper[cell])]
-        agreement[name] = sum(bool(own[cell]) == bool(paper[cell]) for cell in shared)
+    agreement = {
+        str(name): int((own.set_index(cell).succeeds.reindex(paper.index) == paper).sum())
+        for name, own in ours.groupby("genome", sort=False)
+        if name in (solves or names)
+    }
     best = max(agreement, key=lambda name: agreement[name])
-    return best, agreement[best], int(paper.notna().sum())
+    return best, agreement[best], len(paper)
 
 
 def _count(
     text: str, counted: str, true: pd.Series, among: pd.Series, control: pd.Series | None = None
 ) -> dict[str, Any]:
-    part, whole = _by_champion(true, among)
-    return claim(
-        text, counted, part, whole, None if control is None or control.empty else _by_champion(control, among)[0]
-    )
+    """A claim that is true in some trials `among` those that could show it. control: the same with shuffled signs."""
+    controls = None if control is None or control.empty else _champion_counts(control, among)[0]
+    return claim(text, counted, *_champion_counts(true, among), controls)
 
 
 def _either(text: str, broken: pd.Series, own: pd.Series, other: pd.Series) -> dict[str, Any]:
@@ -213,7 +215,7 @@ def _either(text: str, broken: pd.Series, own: pd.Series, other: pd.Series) -> d
     return _count(text, counted, own & ~other, broken & (own ^ other))
 
 
-def _by_champion(true: pd.Series, among: pd.Series) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _champion_counts(true: pd.Series, among: pd.Series) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """For each champion: in how many trials it is true, and how many trials `among` holds; both (champions,)."""
     counts = pd.DataFrame({"part": true & among, "whole": among}).groupby("genome", sort=False).sum()
     return counts.part.to_numpy(np.int64), counts.whole.to_numpy(np.int64)

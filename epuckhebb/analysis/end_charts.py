@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from epuckhebb.analysis.charts import EFFECT, INK
-from epuckhebb.analysis.image import in_house_style, plain
+from epuckhebb.analysis.image import house_style, plain
 from epuckhebb.analysis.lifetimes import ANY
 from epuckhebb.tmaze.individual import GA, HEBBIAN
 from epuckhebb.tmaze.scenario import TRAINED
@@ -20,11 +20,11 @@ _CONTROLLERS |= {"yoked_sign": "yoked, signs", "yoked_place": "yoked, places", "
 _LEAST_SHARE = 0.16  # of a bar that has room for its number
 
 
-@in_house_style()
+@house_style()
 def ends(table: pd.DataFrame) -> Figure:
     """The shares of trials that end right, wrong and elsewhere: a panel a world, a bar a controller, n in its title.
 
-    table: of `analysis.ends.ends`; its rows of all trials are drawn.
+    table: `ends.csv`; its rows of all trials are drawn.
     """
     worlds = {
         str(experiment): list(own.groupby("scenario", sort=False))
@@ -60,16 +60,15 @@ def _draw_ends(axes: Axes, own: pd.DataFrame) -> None:
         axes.barh(range(len(own)), shares, left=start, height=0.8, color=colour, edgecolor="white", label=_TEXT[end])
         for place, count in enumerate(own[end]):
             if shares[place] >= _LEAST_SHARE:
-                axes.text(
-                    start[place] + shares[place] / 2, place, f"{count:.0f}", color=letters, ha="center", va="center"
-                )
+                middle = start[place] + shares[place] / 2
+                axes.text(middle, place, f"{count:.0f}", color=letters, ha="center", va="center")
         start += shares
     axes.set(xlim=(0, 1), xticks=(0, 0.5, 1), xticklabels=("0", "½", "1"))
     axes.invert_yaxis()
 
 
 def _bar_names(own: pd.DataFrame) -> "pd.Series[str]":
-    """The names of the rows of `ends.ends`: the controller, and what else differs."""
+    """The name of each row of a table of ends: its controller, and the settings that differ."""
     settings = own.columns[: own.columns.get_loc("among")].drop(["experiment", "scenario", "controller", "N"])
     differ = [name for name in settings if own[own.controller != GA][name].nunique() > 1]
     rates = own.groupby("controller").N.nunique()

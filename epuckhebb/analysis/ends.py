@@ -4,8 +4,8 @@ A robot that drives to the end of an arm is at its goal by chance in about half 
 plasticity rule say little without its wrong ones: those at the goal of the other side.
 
 All begin with `trials`, of the rows of `epuckhebb.analysis.lifetimes.gather`; `genome` is the champion. `settings` are
-the columns that name a condition. A trial is one champion on one side, and has the end of most of its repeats: see
-`epuckhebb.analysis.findings.trials`. Champions are the independent unit of intervals and p values.
+the columns that name a condition. A trial is one champion on one side, and has the end of most of its repeats.
+Champions are the independent unit of intervals and p values.
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,18 +15,17 @@ import numpy as np
 import pandas as pd
 
 from epuckhebb.analysis import findings
-from epuckhebb.analysis.controls import of_other_champions
+from epuckhebb.analysis.findings import BROKEN, INTACT, UNSOLVED
 from epuckhebb.analysis.lifetimes import is_of_plasticity, numeric
 from epuckhebb.analysis.rescue import label
-from epuckhebb.analysis.statistics import bootstrap, mean, sign_flip
-from epuckhebb.analysis.tables import Table, plain, with_interval
-from epuckhebb.tmaze.individual import GA, HEBBIAN
+from epuckhebb.analysis.statistics import bootstrap, bounds, mean, sign_flip
+from epuckhebb.analysis.tables import Table, interval_text, plain
+from epuckhebb.tmaze.individual import HEBBIAN
 from epuckhebb.tmaze.maze import SIDES
 from epuckhebb.tmaze.outcome import End
-from epuckhebb.tmaze.scenario import TRAINED
 
 OTHER = "another champion"
-ALL, BROKEN, INTACT, UNSOLVED = "all", "broken", "intact", "unsolved"
+ALL = "all"
 MEANING = (
     "A trial ends *right* within 5 cm of its goal at the last step, *wrong* within 5 cm of the goal of the other side, "
     "*elsewhere* if it does neither; it has the end of more than half of its repeats, and *elsewhere* without such. It "
@@ -43,31 +42,22 @@ _COUNTED = [End.right.value, End.wrong.value, End.elsewhere.value, "arrived"]
 def trials(rows: pd.DataFrame, settings: Sequence[str] = ()) -> pd.DataFrame:
     """One row for each condition, champion and side: `end`, `arrived` and `fate`.
 
-    `fate`: what the world does to the trial without plasticity. `broken`: solved in the training world, but not here;
-    `intact`: solved in both; `unsolved`: not solved in the training world; empty where the rows do not hold the
-    training world with the same settings, or where keys of a scenario vary one by one.
+    `fate` is that of `findings.find_fates`, where the rows hold the training world with the same settings; it is empty
+    where keys of a scenario vary one by one.
     """
     conditions = [key for key in settings if key not in ("genome", "N")]
-    each = findings.trials(numeric(rows), conditions)
     world = [key for key in conditions if not is_of_plasticity(key) and key != "scenario"]
-    trial = [*dict.fromkeys([*world, "experiment", *findings.TRIAL])]
-    alone = each[each.controller == GA]
-    here = alone.set_index([*trial, "scenario"]).succeeds
-    in_training = alone[alone.scenario == alone.experiment.map(TRAINED)].set_index(trial).succeeds
+    each = findings.find_fates(findings.trials(numeric(rows), conditions), world)
     if any(key in _OF_SCENARIO or key.startswith("scenario.") for key in world):
-        in_training = in_training[:0]
-    solved = in_training.reindex(pd.MultiIndex.from_frame(each[trial]))
-    stays = here.reindex(pd.MultiIndex.from_frame(each[[*trial, "scenario"]]))
-    fates = [solved.isna(), solved.eq(False), stays.eq(True), stays.eq(False)]
-    each["fate"] = np.select([fate.to_numpy() for fate in fates], ["", UNSOLVED, INTACT, BROKEN], "")
+        each["fate"] = ""
     more = [key for key in conditions if key not in _CELL]
     return each[[*more, *_CELL, *findings.TRIAL, "end", "arrived", "fate"]]
 
 
-def by_champion(each: pd.DataFrame) -> pd.DataFrame:
+def champion_ends(each: pd.DataFrame) -> pd.DataFrame:
     """One row for each condition and champion: how many of its trials end where, and the end and fate of each side.
 
-    each: of `trials`.
+    each: the trials.
     """
     by = [*each.columns[: each.columns.get_loc("side")]]
     counts = _counted(each).groupby(by, sort=False)[_COUNTED].sum()
@@ -77,11 +67,12 @@ def by_champion(each: pd.DataFrame) -> pd.DataFrame:
 
 
 def _counted(each: pd.DataFrame) -> pd.DataFrame:
+    """Trials with a column for each end: whether the trial has it."""
     return each.assign(**{end.value: each.end == end for end in End})
 
 
-def _in_draws(each: pd.DataFrame) -> pd.DataFrame:
-    """Trials in which the controls `NAME_0`, `NAME_1` and so on are draws of one, `NAME`."""
+def _merge_draws(each: pd.DataFrame) -> pd.DataFrame:
+    """Trials in which the controls `NAME_0`, `NAME_1` and so on are one, `NAME`; the column `draw` has the old name."""
     control = each.controller.str.replace(_DRAW, "", regex=True)
     has_several = each.groupby(control).controller.transform("nunique") > 1
     return each.assign(draw=each.controller, controller=each.controller.where(~has_several, control))
@@ -96,20 +87,29 @@ def ends(each: pd.DataFrame) -> pd.DataFrame:
     are named `NAME_0`, `NAME_1` and so on are `draws` of one, `NAME`: all its numbers are means over them. Among trials
     of a fate there is one control more, `OTHER`: the paper's rule with the genome of another champion.
 
-    each: of `trials`.
+    each: the trials.
     """
-    return pd.DataFrame(list(_ends(_in_draws(_counted(pd.concat([each, _of_others(each)], ignore_index=True))))))
+    return pd.DataFrame(
+        list(_ends(_merge_draws(_counted(pd.concat([each, _exchange_genomes(each)], ignore_index=True)))))
+    )
 
 
-def _of_others(each: pd.DataFrame) -> pd.DataFrame:
-    """The trials of the paper's rule, each in the place of another champion, and with the fate of that one's trial."""
+def _exchange_genomes(each: pd.DataFrame) -> pd.DataFrame:
+    """The trials of the paper's rule with the genome of the next champion of the experiment in each one's place.
+
+    A lifetime depends on its genome, world, side, repeat and seed alone, so these lifetimes have been run. The fate is
+    that of the trial of the champion whose place it is.
+    """
     own = each[(each.controller == HEBBIAN) & (each.groupby("experiment").genome.transform("nunique") > 1)]
-    trial = [*own.columns[: own.columns.get_loc("end")]]
-    others = of_other_champions(own.drop(columns="fate")).merge(own[[*trial, "fate"]], on=trial)
-    return others.assign(controller=OTHER)
+    trial, others = [*own.columns[: own.columns.get_loc("end")]], own.drop(columns="fate")
+    for _, rows in own.groupby("experiment", sort=False):
+        first, *names = rows.genome.unique()
+        others.loc[rows.index, "genome"] = rows.genome.map(dict(zip([*names, first], [first, *names], strict=True)))
+    return others.merge(own[[*trial, "fate"]], on=trial).assign(controller=OTHER)
 
 
 def _ends(each: pd.DataFrame) -> Iterator[dict[str, Any]]:
+    """The rows of `ends.csv`. each: trials with their draws, and a column for each end."""
     by = [*each.columns[: each.columns.get_loc("genome")]]
     for condition, here in each.groupby(by, sort=False):
         draws = here.draw.nunique()
@@ -123,8 +123,8 @@ def _ends(each: pd.DataFrame) -> Iterator[dict[str, Any]]:
             row |= (of_champion.sum() / draws).to_dict()
             row |= {"champions": len(less), "right_less_wrong": less.mean() / draws}
             for name, percentiles in _PERCENTILES.items():
-                low, high = bootstrap(mean, less.to_numpy() / draws, percentiles=percentiles)
-                row |= {f"right_less_wrong{name}_low": low, f"right_less_wrong{name}_high": high}
+                interval = bootstrap(mean, less.to_numpy() / draws, percentiles=percentiles)
+                row |= bounds(f"right_less_wrong{name}_", interval)
             yield row | {"sign_flip_p": sign_flip(less.to_numpy(np.int64))}
 
 
@@ -133,9 +133,9 @@ def discrimination(each: pd.DataFrame) -> pd.DataFrame:
 
     A robot that can tell the sides ends right on both. `right_left`, `right_right`, `right_both`: champions that end
     right on the left side, on the right, on both; `right_expected`: on both, if the sides of a champion were
-    independent, which is the product of the sides' shares times the champions. So for `wrong`.
+    independent, which is the product of the sides' shares times the champions. `wrong_...` counts wrong ends likewise.
 
-    each: of `trials`; champions with one side alone do not count.
+    each: the trials; champions with one side alone do not count.
     """
     by = [*each.columns[: each.columns.get_loc("genome")]]
     in_order = pd.MultiIndex.from_frame(each[[*by, "genome"]].drop_duplicates())
@@ -154,20 +154,23 @@ def discrimination(each: pd.DataFrame) -> pd.DataFrame:
 def tables(rows: pd.DataFrame, settings: Sequence[str] = ()) -> dict[str, pd.DataFrame]:
     """All tables of ends by their names, of rows and settings as for `trials`."""
     each = trials(rows, settings)
-    return {"ends": ends(each), "ends_by_champion": by_champion(each), "discrimination": discrimination(each)}
+    return {"ends": ends(each), "ends_by_champion": champion_ends(each), "discrimination": discrimination(each)}
 
 
 def markdown(table: pd.DataFrame) -> str:
-    """A section of a page: what ends are, and the tables of `readable`. table: of `ends`."""
+    """A section of a page: what ends are, and a table for each experiment. table: `ends.csv`."""
     return "\n".join(["## Ends\n", f"{MEANING}\n", *(f"{one.title}:\n\n{one.markdown()}" for one in readable(table))])
 
 
 def readable(table: pd.DataFrame) -> list[Table]:
-    """A table to read for each experiment, of all trials: a row for each world and controller. table: of `ends`."""
-    return [_of_experiment(str(name), own) for name, own in table[table.among == ALL].groupby("experiment", sort=False)]
+    """A table to read for each experiment, of all trials: a row for each world and controller. table: `ends.csv`."""
+    return [
+        _experiment_table(str(name), own) for name, own in table[table.among == ALL].groupby("experiment", sort=False)
+    ]
 
 
-def _of_experiment(experiment: str, own: pd.DataFrame) -> Table:
+def _experiment_table(experiment: str, own: pd.DataFrame) -> Table:
+    """The ends of all trials of an experiment to read: a row for each world and controller."""
     settings = own.columns[: own.columns.get_loc("among")].difference(_CELL, sort=False)
     shown = [name for name in settings if own[name].nunique() > 1]
     headings = [
@@ -186,7 +189,7 @@ def _of_experiment(experiment: str, own: pd.DataFrame) -> Table:
             plain(row.scenario),
             plain(label(row.controller, row.N)) + (f", {row.draws} draws" if row.draws > 1 else ""),
             *(f"{getattr(row, name):g}" for name in ("trials", *_COUNTED)),
-            with_interval(row, "right_less_wrong", "+.2f"),
+            interval_text(row, "right_less_wrong", "+.2f"),
         ]
         for place, row in zip(own[shown].itertuples(index=False), own.itertuples(), strict=True)
     ]

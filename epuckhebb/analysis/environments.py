@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from epuckhebb.analysis.statistics import LEAST, bootstrap, difference, holm, mean, permutation, sign_flip
-from epuckhebb.analysis.tables import Table, plain, with_interval
+from epuckhebb.analysis.statistics import LEAST, bootstrap, bounds, difference, holm, mean, permutation, sign_flip
+from epuckhebb.analysis.tables import Table, interval_text, plain
 from epuckhebb.worlds.environment import Lived
 
 _RETURNS = ("return", "return_before", "return_after")
@@ -19,7 +19,7 @@ _ENOUGH = 0.9  # share of the lifetimes that reach a change, below which a note 
 _ROUND = 100  # from which on returns are read without decimals
 
 
-def over_lifetime(names: Sequence[str], lives: Sequence[Lived], horizon: int) -> list[dict[str, Any]]:
+def lifetime_course(names: Sequence[str], lives: Sequence[Lived], horizon: int) -> list[dict[str, Any]]:
     """What happened in equal parts of a lifetime: a row for each controller and part in which a lifetime goes on.
 
     The reward is a mean over all lifetimes, with quartiles: one that has ended earns nothing. Other means are over
@@ -63,7 +63,7 @@ def table(metrics: pd.DataFrame, by: Sequence[str] = ("controller", "N")) -> pd.
             values = cases[column].to_numpy(float)
             row[column] = float(np.nanmean(values)) if np.isfinite(values).any() else np.nan
             if column in _RETURNS:
-                row[f"{column}_low"], row[f"{column}_high"] = bootstrap(mean, values)
+                row |= bounds(f"{column}_", bootstrap(mean, values))
         row["reached"] = int(own.reached.sum())
         row["recovered"] = int(own.recovery_steps.notna().sum())
         rows.append(row)
@@ -78,7 +78,7 @@ def unreached(rows: pd.DataFrame) -> list[str]:
 
 
 def tables(metrics: pd.DataFrame, settings: Sequence[str]) -> dict[str, pd.DataFrame]:
-    """The tables over many evaluations, by name. settings: columns that name their condition, of `lifetimes.gather`."""
+    """The tables over many evaluations, by name: returns, and effects if any. settings: keys of a condition."""
     world = [*(name for name in settings if name not in ("genome", "N", *_WORLD)), *_WORLD]
     compared, rows = effects(metrics, world), {"summary": table(metrics, [*world, "controller", "N"])}
     return rows if compared.empty else {**rows, "effects": compared}
@@ -90,7 +90,7 @@ def effects(metrics: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     A rule is compared with its own weights frozen at the change, on the same champions, and with champions that were
     evolved without a rule, which are others. Lifetimes that ended before the change, and champions of which all did,
     are left out. The p values of the table are corrected together, by Holm. A condition with fewer than six champions
-    has no row. p: of `sign_flip` or `permutation`.
+    has no row. p: of a sign-flip test for the same champions, of a permutation test for others.
     """
     columns = ["return_after", "N"]
     metrics = metrics.assign(**{name: pd.to_numeric(metrics[name]) for name in columns})
@@ -115,20 +115,19 @@ def effects(metrics: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
                 p = sign_flip(values[0] - values[1]) if is_paired else permutation(*values)
                 row = {"controller": name, "against": other, "is_paired": is_paired}
                 row |= {"champions": len(pair[0]), "others": len(pair[1])}
-                ends = dict(zip(("effect_low", "effect_high"), bootstrap(*found), strict=True))
-                effect = {"effect": values[0].mean() - values[1].mean(), **ends, "p": p}
+                effect = {"effect": values[0].mean() - values[1].mean(), **bounds("effect_", bootstrap(*found)), "p": p}
                 rows.append(dict(zip(by, world, strict=True)) | row | effect)
     return pd.DataFrame(rows).assign(p_holm=holm([row["p"] for row in rows])) if rows else pd.DataFrame()
 
 
 def readable(rows: pd.DataFrame, title: str = "") -> Table:
-    """That table to read."""
+    """The summary of returns to read: a row for each condition. rows: of `table`."""
     before = list(rows)[: list(rows).index("champions")]
     first = [name for name in before if name == "controller" or (name != "N" and rows[name].nunique(dropna=False) > 1)]
     headings = [*first, "return", "before", "after", "recovery (steps)", "weight change"]
     lines = []
     for _, row in rows.iterrows():
-        returns = [with_interval(row, name, ".1f" if abs(row[name]) < _ROUND else ".0f") for name in _RETURNS]
+        returns = [interval_text(row, name, ".1f" if abs(row[name]) < _ROUND else ".0f") for name in _RETURNS]
         if 0 < row["reached"] < row["lifetimes"]:
             returns[-1] += f" ({row['reached']} of {row['lifetimes']})"
         recovery = f"{row['recovery_steps']:.0f} ({row['recovered']} of {row['lifetimes']})"
@@ -143,13 +142,13 @@ def readable(rows: pd.DataFrame, title: str = "") -> Table:
 
 
 def readable_effects(rows: pd.DataFrame) -> Table:
-    """The effects to read."""
+    """The differences to controls to read. rows: of `effects`."""
     first = [*(name for name in _WORLD if rows[name].nunique() > 1), "controller", "against"]
     lines = [
         [
             *(plain(str(row[name])) for name in first),
             f"{row['champions']}, {row['others']}",
-            with_interval(row, "effect", "+.1f"),
+            interval_text(row, "effect", "+.1f"),
             f"{row['p_holm']:.2g}",
         ]
         for _, row in rows.iterrows()

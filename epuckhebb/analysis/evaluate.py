@@ -52,17 +52,19 @@ class Traces:
     """
 
     controller: list[str]
-    side: list[str]
+    side: list[Side]
     samples: Samples
     trials: Rows = field(default_factory=list)
 
-    def lifetimes_of(self, controller: str) -> dict[str, Samples]:
+    @property
+    def lifetimes(self) -> list[tuple[str, Side, Samples]]:
+        """The controller, the side and the samples of each lifetime."""
+        samples = (Samples(*arrays) for arrays in zip(*self.samples, strict=True))
+        return list(zip(self.controller, self.side, samples, strict=True))
+
+    def side_samples(self, controller: str) -> dict[str, Samples]:
         """The samples of the lifetimes of a controller by side."""
-        return {
-            side: Samples(*(array[k] for array in self.samples))
-            for k, (name, side) in enumerate(zip(self.controller, self.side, strict=True))
-            if name == controller
-        }
+        return {side: samples for name, side, samples in self.lifetimes if name == controller}
 
 
 def evaluate(
@@ -102,7 +104,7 @@ def evaluate(
         (number, side, repeat) for number in range(len(everyone)) for side in SIDES for repeat in range(repeats)
     ]
     plan = plan or plan_of(network)
-    individuals = individuals_for(genes, everyone, wanted, nominal, plan, network, seed, evolved_signs)
+    individuals = make_individuals(genes, everyone, wanted, nominal, plan, network, seed, evolved_signs)
     outcomes = run_lifetimes(individuals, scenario, lifetime, threads, weight_path=has_control(controllers))
     rows = [
         {
@@ -140,7 +142,7 @@ def evaluate(
     return rows, traces
 
 
-def individuals_for(
+def make_individuals(
     genes: NDArray[np.float64],
     controllers: Sequence[Controller],
     wanted: Sequence[tuple[int, Side, int]],
@@ -165,7 +167,7 @@ def individuals_for(
     places = [(repeat, SIDES.index(side)) for repeat, side in pairs]
     keys = dict(zip(pairs, random.keys(seed, Stream.evaluation_noise, places), strict=True))
     task_keys = {repeat: int(random.key(seed, Stream.evaluation_task, repeat)) for repeat, _ in pairs}
-    of_side = {} if nominal is None else {side: nominal.of(side) for side in SIDES}
+    of_side = {} if nominal is None else {side: nominal.statistics(side) for side in SIDES}
 
     def individual(number: int, side: Side, repeat: int) -> Individual:
         carries = side == "right" and controllers[number].rule.carries_history
@@ -187,6 +189,7 @@ def individuals_for(
 
 
 def _rewarded(trials: NDArray[np.void]) -> dict[str, Any]:
+    """The share of rewarded trials of a lifetime, and the first trial after the rewarded end has switched."""
     switches = np.flatnonzero(np.diff(trials["good"]))
     return {
         "rewarded_share": float(rewarded(trials).mean()),
@@ -195,6 +198,7 @@ def _rewarded(trials: NDArray[np.void]) -> dict[str, Any]:
 
 
 def _trials(trials: NDArray[np.void]) -> Iterator[dict[str, Any]]:
+    """A row for each trial of a lifetime; none where a lifetime is one trial."""
     sides = {-1: "left", 0: "", 1: "right"}
     for number, (good, reached, steps, *_) in enumerate(trials.tolist(), start=1):
         yield {
@@ -207,6 +211,7 @@ def _trials(trials: NDArray[np.void]) -> Iterator[dict[str, Any]]:
 
 
 def _metrics(outcome: Outcome, lifetime: Lifetime) -> dict[str, float]:
+    """The measures of a lifetime, by column."""
     seconds = lifetime.duration_s if outcome.steps == lifetime.steps else outcome.steps * STEP_S
     return {
         "success": int(outcome.success),

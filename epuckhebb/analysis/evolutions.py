@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from epuckhebb.analysis.statistics import bootstrap, intervals_over, mean
-from epuckhebb.analysis.tables import Table, plain, with_interval
+from epuckhebb.analysis.statistics import bootstrap, interval_title, mean
+from epuckhebb.analysis.tables import Table, interval_text, plain
 from epuckhebb.tmaze.robot import STEP_S
 
 _NEVER = 1e12  # robot-hours; more than any evolution has
@@ -67,12 +67,12 @@ def readable(table: pd.DataFrame) -> Table:
     names = [name for name in _HEADINGS if name in table]
     rows = []
     for _, row in table.astype(object).iterrows():  # a row of numbers alone would have no whole ones
-        cells = [with_interval(row, name, ".3g") for name in names]
+        cells = [interval_text(row, name, ".3g") for name in names]
         if "n_reached" in row:
             cells[-1] += f" ({row['n_reached']} of {row['n']})"
         rows.append([*(plain(str(row[key])) for key in settings), str(row["n"]), *cells, f"{row[cost]:.4g}"])
     headings = [*map(plain, settings), "n", *(_HEADINGS[name] for name in names), plain(cost)]
-    title = f"Evolutions: means, {intervals_over('seeds', table.n.tolist())}"
+    title = f"Evolutions: means, {interval_title('seeds', table.n.tolist())}"
     return Table(headings, rows, title, text=len(settings))
 
 

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from epuckhebb.analysis.charts import INK, SIDE
 from epuckhebb.analysis.evaluate import Traces
-from epuckhebb.analysis.image import in_house_style, plain
-from epuckhebb.analysis.moments import arrival, timed_change_text, with_gaps
+from epuckhebb.analysis.image import house_style, plain
+from epuckhebb.analysis.moments import arrival, insert_gaps, timed_change_text
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.tmaze.individual import CONTROLS, GA, HEBBIAN
@@ -41,23 +41,22 @@ OUTLINE = withStroke(linewidth=2, foreground="white")  # of letters
 _T = TypeVar("_T")
 
 
-@in_house_style()
+@house_style()
 def trajectories(traces: Traces, scenario: Scenario, title: str) -> Figure:
     """One maze for each controller: the paths on both sides, their start and their end."""
     controllers = list(dict.fromkeys(traces.controller))
     figure, panels = _mazes(scenario, len(controllers))
     for axes, controller in zip(panels, controllers, strict=True):
-        for lifetime, side in enumerate(traces.side):
-            if traces.controller[lifetime] == controller:
-                samples = Samples(*(array[lifetime] for array in traces.samples))
-                _draw_path(axes, samples, scenario, "left" if side == "left" else "right")
+        for name, side, samples in traces.lifetimes:
+            if name == controller:
+                _draw_path(axes, samples, scenario, side)
         axes.set_title(plain(controller_title(controller)), fontsize=11)
         axes.legend(ncols=2, fontsize=8.5, loc="upper center", bbox_to_anchor=(0.5, -0.13))
     figure.suptitle(textwrap.fill(plain(title), 54 * len(controllers)))
     return figure
 
 
-@in_house_style()
+@house_style()
 def maze(scenario: Scenario) -> Figure:
     """The maze with the robot at its start."""
     figure, (axes,) = _mazes(scenario, 1, "")
@@ -100,9 +99,10 @@ def view(maze: Maze) -> tuple[float, float, float, float]:
 
 
 class _Floor(NamedTuple):
-    """Where one can get to from the start, in fields between the edges of walls, in which a maze is the same.
+    """The floor of a maze, divided into fields by the edges of its walls, and the fields that a robot can reach.
 
-    x, y: edges of the fields [m]. free, reached: whether no wall is in a field, and whether one gets there, (y, x).
+    x, y: edges of the fields [m]. free, reached: whether no wall is in a field, and whether a robot can get there from
+    its start, (y, x).
     """
 
     x: Floats
@@ -112,6 +112,7 @@ class _Floor(NamedTuple):
 
 
 def _floor(maze: Maze) -> _Floor:
+    """The fields of the floor of a maze; reached ones spread from the start, field by field, in four directions."""
     walls, arena = np.round(boxes(maze), _DIGITS), maze.arena_m
     x, y = (np.unique(np.clip([-arena, *walls[:, sides].ravel(), arena], -arena, arena)) for sides in ([0, 1], [2, 3]))
     in_x, in_y = ((edges[1:] + edges[:-1]) / 2 for edges in (x, y))
@@ -187,10 +188,11 @@ def _numbered(values: Iterable[_T]) -> list[tuple[int, _T]]:
 
 
 def _draw_path(axes: Axes, samples: Samples, scenario: Scenario, side: Side) -> None:
+    """Draw the path of a lifetime, its start, its end, and a mark at each change of the world."""
     time, pose = samples.time, samples.pose
     end = "is rewarded first" if scenario.task.has_trials else arrival(samples, scenario, side).text
     radius, start = scenario.robot.radius_m, scenario.maze.start
-    _, path = with_gaps(time, pose, scenario)
+    _, path = insert_gaps(time, pose, scenario)
     axes.plot(path[:, 0], path[:, 1], color=SIDE[side], linewidth=1.4, label=f"{side}: {end}")
     axes.add_patch(Circle((pose[-1, 0], pose[-1, 1]), radius, fill=False, edgecolor=SIDE[side], linewidth=1.2))
     axes.plot(start.x, start.y, marker="o", markersize=4, color="black")

@@ -1,16 +1,16 @@
 """Findings over many champions: success, ends, rescue and harm.
 
 `metrics` is the table of all lifetimes, with the columns of `epuckhebb.analysis.evaluate`; `genome` is the champion.
-All intervals and p values take champions as the independent unit: see `epuckhebb.analysis.statistics`.
+All intervals and p values take champions as the independent unit.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from epuckhebb.analysis.statistics import bootstrap, mean, sign_flip, wilson_by_champion
+from epuckhebb.analysis.statistics import bootstrap, bounds, mean, sign_flip, wilson_by_champion
 from epuckhebb.tmaze.individual import GA
 from epuckhebb.tmaze.outcome import End
 from epuckhebb.tmaze.scenario import TRAINED
@@ -18,8 +18,9 @@ from epuckhebb.tmaze.scenario import TRAINED
 CHANGED = {"light": ("lowlight",), "obstacles": ("2obstacles", "4obstacles")}
 PAPER_N = {"light": 0.002, "obstacles": 0.000015}
 COUNTS = ("broken", "rescued", "broken_wrong", "broken_elsewhere", "broken_arrived", "intact", "harmed")
+BROKEN, INTACT, UNSOLVED = "broken", "intact", "unsolved"
 TRIAL = ["genome", "side"]
-_CELL = ["experiment", "scenario", "controller", "N"]
+_CELL, _PLASTICITY = ["experiment", "scenario", "controller", "N"], ["experiment", "controller", "N"]
 _MEANS = ["success", "time_to_goal_s", "path_length_m", "final_position_error_m", "weight_change_mean"]
 
 
@@ -54,10 +55,36 @@ def success(each: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for cell, group in outcomes.groupby([*_CELL, "side"], sort=False):
         k, n = int(group.succeeds.sum()), len(group)
-        low, high = wilson_by_champion(group.succeeds.to_numpy(np.int64), np.ones(n, np.int64))
         row = dict(zip([*_CELL, "side"], cell, strict=True)) | {"successes": k, "n": n, "share": k / n}
-        rows.append(row | {"low": low, "high": high} | group[["gained", "wrong"]].sum().to_dict())
+        row |= bounds("", wilson_by_champion(group.succeeds.to_numpy(np.int64), np.ones(n, np.int64)))
+        rows.append(row | group[["gained", "wrong"]].sum().to_dict())
     return pd.DataFrame(rows)
+
+
+def find_fates(each: pd.DataFrame, settings: Sequence[str] = ()) -> pd.DataFrame:
+    """Trials with the column `fate`: what the world does to the trial without plasticity.
+
+    `broken`: solved in the training world, but not here; `intact`: solved in both; `unsolved`: not solved in the
+    training world; empty where there are no trials of the training world. settings: columns in which a trial and that
+    of its training world agree.
+    """
+    trial = [*dict.fromkeys([*settings, "experiment", *TRIAL])]
+    alone = each[each.controller == GA]
+    in_training = alone[alone.scenario == alone.experiment.map(TRAINED)].set_index(trial).succeeds
+    here = alone.set_index([*trial, "scenario"]).succeeds
+    solved = in_training.reindex(pd.MultiIndex.from_frame(each[trial]))
+    stays = here.reindex(pd.MultiIndex.from_frame(each[[*trial, "scenario"]]))
+    fates = [solved.isna(), solved.eq(False), stays.eq(True), stays.eq(False)]
+    return each.assign(fate=np.select([fate.to_numpy() for fate in fates], ["", UNSOLVED, INTACT, BROKEN], ""))
+
+
+def _mark_fates(each: pd.DataFrame) -> pd.DataFrame:
+    """Trials with a column for each of `COUNTS`: whether the trial is one of these."""
+    each = find_fates(each)
+    broken, intact = each.fate == BROKEN, each.fate == INTACT
+    ends = (each.succeeds, each.end == End.wrong, each.end == End.elsewhere, each.arrived)
+    marks = (broken, *(broken & end for end in ends), intact, intact & ~each.succeeds)
+    return each.assign(**dict(zip(COUNTS, marks, strict=True)))
 
 
 def rescue_and_harm(each: pd.DataFrame) -> pd.DataFrame:
@@ -71,88 +98,67 @@ def rescue_and_harm(each: pd.DataFrame) -> pd.DataFrame:
     `sign_flip_p` is its exact p value.
     """
     rows: list[dict[str, Any]] = []
-    for experiment, kind, rate in _plasticities(each):
+    marked = _mark_fates(each)
+    for key, own in marked[marked.controller != GA].groupby(_PLASTICITY, sort=False):
+        experiment = key[0]
         for scenario in (TRAINED[experiment], *changed(each, experiment)):
-            fates = _fates(each, experiment, scenario, kind, rate)
-            counts = _counts(fates.groupby("genome", sort=False).sum())
-            where = {"experiment": experiment, "scenario": scenario, "controller": kind, "N": rate}
-            row = where | {"solved": counts["broken"] + counts["intact"]} | counts
-            without, plastic = (outcomes(each, experiment, scenario, *how) for how in ((GA, 0.0), (kind, rate)))
-            difference = (plastic.astype(float) - without.astype(float)).groupby("genome", sort=False)
-            by_champion = difference.mean().to_numpy()
-            low, high = bootstrap(mean, by_champion)
-            row |= {"difference": float(by_champion.mean()), "difference_low": low, "difference_high": high}
-            rows.append(row | {"sign_flip_p": sign_flip(difference.sum().to_numpy().astype(np.int64))})
+            here = own[own.scenario == scenario]
+            counts = _counts(here.groupby("genome", sort=False)[[*COUNTS]].sum())
+            row = dict(zip(_CELL, (experiment, scenario, *key[1:]), strict=True))
+            row |= {"solved": counts["broken"] + counts["intact"]} | counts
+            gain = here.set_index(TRIAL).succeeds.astype(float) - outcomes(each, experiment, scenario, GA, 0.0)
+            of_champion = gain.groupby("genome", sort=False)
+            row |= {"difference": float(of_champion.mean().mean())}
+            row |= bounds("difference_", bootstrap(mean, of_champion.mean().to_numpy()))
+            rows.append(row | {"sign_flip_p": sign_flip(of_champion.sum().to_numpy().astype(np.int64))})
     return pd.DataFrame(rows)
-
-
-def _fates(each: pd.DataFrame, experiment: str, scenario: str, kind: str, rate: float) -> pd.DataFrame:
-    """Whether each trial is one of `COUNTS`: a column each, indexed by trial.
-
-    A trial that the GA does not solve in its training world is none of these.
-    """
-    without = outcomes(each, experiment, scenario, GA, 0.0)
-    plastic, end, arrived = (
-        outcomes(each, experiment, scenario, kind, rate, column) for column in ("succeeds", "end", "arrived")
-    )
-    solved = without.index.isin(solved_in_training(each, experiment))
-    broken, intact = solved & ~without, solved & without
-    fates = (plastic, end == End.wrong, end == End.elsewhere, arrived)
-    return pd.DataFrame(
-        dict(zip(COUNTS, (broken, *(broken & fate for fate in fates), intact, intact & ~plastic), strict=True))
-    )
 
 
 def _counts(by_champion: pd.DataFrame) -> dict[str, Any]:
     """The sums over champions of what happens to their trials, and the shares rescued and harmed."""
     row: dict[str, Any] = by_champion.sum().to_dict()
     for part, whole in (("rescued", "broken"), ("harmed", "intact")):
-        low, high = wilson_by_champion(by_champion[part].to_numpy(np.int64), by_champion[whole].to_numpy(np.int64))
-        row |= {f"{part}_share": ratio(row[part], row[whole]), f"{part}_low": low, f"{part}_high": high}
+        row[f"{part}_share"] = ratio(row[part], row[whole])
+        row |= bounds(f"{part}_", wilson_by_champion(*by_champion[[part, whole]].to_numpy(np.int64).T))
     return row
 
 
 def changed(each: pd.DataFrame, experiment: str) -> list[str]:
     """The changed scenarios of an experiment, in the order of the table."""
-    there = each[each.experiment == experiment].scenario.unique()
-    return [scenario for scenario in there if scenario != TRAINED[experiment]]
+    scenarios = each[each.experiment == experiment].scenario.unique()
+    return [scenario for scenario in scenarios if scenario != TRAINED[experiment]]
 
 
 def rescue_by_champion(each: pd.DataFrame) -> pd.DataFrame:
     """What happens to the trials of each champion in all changed worlds of an experiment together.
 
     `solves`: how many sides the GA solves in the training world; `training_harmed`: on how many of these the plasticity
-    fails there. `COUNTS`: see `rescue_and_harm`. The GA has rows, too; it rescues none.
+    fails there. The counts of broken, rescued, intact and harmed trials are those of `rescue_and_harm`. The GA has
+    rows, too; it rescues none.
     """
     rows = []
-    for experiment, kind, rate in each[["experiment", "controller", "N"]].drop_duplicates().itertuples(index=False):
-        fates = pd.concat(_fates(each, experiment, scenario, kind, rate) for scenario in changed(each, experiment))
-        trained = _fates(each, experiment, TRAINED[experiment], kind, rate).groupby("genome", sort=False).sum()
-        for genome, counts in fates.groupby("genome", sort=False).sum().iterrows():
-            own = trained.loc[genome]
-            row = {"experiment": experiment, "controller": kind, "N": rate, "genome": genome, "solves": own.intact}
-            rows.append(row | {"training_harmed": own.harmed, **counts})
-    return pd.DataFrame(rows)
+    for key, own in _mark_fates(each).groupby(_PLASTICITY, sort=False):
+        is_training = own.scenario == TRAINED[key[0]]
+        counts, trained = (
+            own[some].groupby("genome", sort=False)[[*COUNTS]].sum() for some in (~is_training, is_training)
+        )
+        counts = counts.assign(**dict(zip(_PLASTICITY, key, strict=True)))
+        rows.append(counts.assign(solves=trained.intact, training_harmed=trained.harmed).reset_index())
+    return pd.concat(rows, ignore_index=True)[[*_PLASTICITY, "genome", "solves", "training_harmed", *COUNTS]]
 
 
-def rescue_over_all(by_champion: pd.DataFrame) -> pd.DataFrame:
+def rescue_totals(by_champion: pd.DataFrame) -> pd.DataFrame:
     """Rescue and harm over all changed worlds of an experiment together, and harm in the training world.
 
-    by_champion: of `rescue_by_champion`. Columns as in `rescue_and_harm`.
+    by_champion: the table `rescue_by_champion.csv`. The counts and shares have the names that they have for one world
+    (`rescue_and_harm`).
     """
     rows = []
     plastic = by_champion[by_champion.controller != GA]
-    for cell, own in plastic.groupby(["experiment", "controller", "N"], sort=False):
-        row = dict(zip(("experiment", "controller", "N"), cell, strict=True))
-        row |= _counts(own[list(COUNTS)])
+    for key, own in plastic.groupby(_PLASTICITY, sort=False):
+        row = dict(zip(_PLASTICITY, key, strict=True)) | _counts(own[[*COUNTS]])
         rows.append(row | {"training_harmed": own.training_harmed.sum(), "training_solved": own.solves.sum()})
     return pd.DataFrame(rows)
-
-
-def _plasticities(each: pd.DataFrame) -> Iterator[tuple[str, str, float]]:
-    plastic = each[each.controller != GA]
-    for key, _ in plastic.groupby(["experiment", "controller", "N"], sort=False):
-        yield key
 
 
 def outcomes(

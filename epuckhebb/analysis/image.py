@@ -42,7 +42,7 @@ _STYLE: dict[Any, Any] = {
 
 
 @contextmanager
-def in_house_style() -> Iterator[None]:
+def house_style() -> Iterator[None]:
     """Draw with the settings of the program, not with those of a user's `matplotlibrc`."""
     with rc_context():
         rcdefaults()
@@ -56,7 +56,7 @@ def plain(text: str) -> str:
     return "".join(sign if sign == "\n" or ord(sign) in signs else "?" for sign in text).replace("$", r"\$")
 
 
-@in_house_style()
+@house_style()
 def image(figure: Figure, kind: str = "png", width_mm: float | None = None) -> bytes:
     """The figure as a file, without date or program: equal figures are bit-identical.
 
@@ -73,6 +73,7 @@ def image(figure: Figure, kind: str = "png", width_mm: float | None = None) -> b
 
 
 def _resize(figure: Figure, width_mm: float) -> None:
+    """Scale a figure to a width, letters and lines with it; letters stay large enough to be read."""
     width, height = figure.get_size_inches()
     share = width_mm / MM / width
     figure.set_size_inches(width * share, height * share)

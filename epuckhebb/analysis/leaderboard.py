@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from epuckhebb.analysis import findings
 from epuckhebb.analysis.statistics import (
     bootstrap,
+    bounds,
     difference,
     holm,
     improvement,
@@ -29,7 +30,7 @@ from epuckhebb.analysis.statistics import (
     sign_flip,
     wilson_by_champion,
 )
-from epuckhebb.analysis.tables import Table, code, pictures, with_interval
+from epuckhebb.analysis.tables import Table, code, interval_text, pictures
 from epuckhebb.tmaze.individual import CLASSES, GA
 from epuckhebb.tmaze.scenario import TRAINED
 from epuckhebb.tmaze.task import Task
@@ -59,7 +60,7 @@ class Row:
     knowledge_class: str = CLASSES[0]
 
 
-def of_champion(metrics: pd.DataFrame, training_world: str) -> tuple[dict[str, int | None], pd.DataFrame]:
+def champion_counts(metrics: pd.DataFrame, training_world: str) -> tuple[dict[str, int | None], pd.DataFrame]:
     """The counts of a champion: a row for it, and a row for each test world.
 
     metrics: its lifetimes, without plasticity and, if it has any, with it.
@@ -80,7 +81,7 @@ def of_champion(metrics: pd.DataFrame, training_world: str) -> tuple[dict[str, i
     return count, worlds
 
 
-def of_learner(metrics: pd.DataFrame, task: Task) -> tuple[dict[str, int | None], pd.DataFrame]:
+def learner_counts(metrics: pd.DataFrame, task: Task) -> tuple[dict[str, int | None], pd.DataFrame]:
     """The counts of a champion in reversal learning: a row for it, and a row for its world.
 
     It solves the task if its share of rewarded trials is nearer to the optimum than to chance. metrics: its lifetimes
@@ -107,31 +108,27 @@ def table(rows: Sequence[Row], champions: pd.DataFrame) -> pd.DataFrame:
 
     In reversal learning all rules have the same knowledge, the reward.
 
-    champions: a row for each, with its method and the columns of `of_champion` or `of_learner`.
+    champions: a row for each, with its method and the counts of its trials.
     """
     found = []
     for row in rows:
-        own = _of(champions, row.experiment, row.method)
-        control = _of(champions, row.experiment, row.matched_control)
+        own = _champions(champions, row.experiment, row.method)
+        control = _champions(champions, row.experiment, row.matched_control)
         solves = own[own.solves == 1]
-        solved_low, solved_high = wilson_by_champion(own.solves.to_numpy(np.int64), np.ones(len(own), np.int64))
         shares = _shares(own)
-        low, high = bootstrap(interquartile_mean, shares)
         found.append(
             {
                 **{name: getattr(row, name) for name in _OF_ROW},
                 "champions": len(own),
                 "solved": len(solves),
-                "solved_low": solved_low,
-                "solved_high": solved_high,
+                **bounds("solved_", wilson_by_champion(own.solves.to_numpy(np.int64), np.ones(len(own), np.int64))),
                 "trials": int(own.trials.sum()),
                 "successes": int(own.successes.sum()),
-                **_success_of(own, "success"),
+                **_success(own, "success"),
                 "iqm": float(interquartile_mean(shares)),
-                "iqm_low": low,
-                "iqm_high": high,
+                **bounds("iqm_", bootstrap(interquartile_mean, shares)),
                 "best": shares.max(),
-                **_success_of(solves, "retention"),
+                **_success(solves, "retention"),
                 **_difference(own, control, paired=row.kind == POST_HOC),
                 **_improvement(own, control),
                 "success_off": _share(own.successes_off, own.trials),
@@ -140,7 +137,7 @@ def table(rows: Sequence[Row], champions: pd.DataFrame) -> pd.DataFrame:
                 "robot_steps": int(own.robot_steps.mean()),
             }
         )
-    board = _with_best_plain(pd.DataFrame(found), champions)
+    board = _add_best_plain(pd.DataFrame(found), champions)
     board.insert(board.columns.get_loc("p") + 1, "p_holm", np.nan)
     board["best_plain_p_holm"] = np.nan
     for _, own in board.groupby("experiment"):  # one correction for all p values of a table
@@ -152,7 +149,7 @@ def table(rows: Sequence[Row], champions: pd.DataFrame) -> pd.DataFrame:
     return board.drop(columns="place")
 
 
-def _with_best_plain(board: pd.DataFrame, champions: pd.DataFrame) -> pd.DataFrame:
+def _add_best_plain(board: pd.DataFrame, champions: pd.DataFrame) -> pd.DataFrame:
     """The difference of each method with plasticity to the best without it that took as many robot-steps."""
     found: list[dict[str, Any]] = []
     for row in board.itertuples():
@@ -162,7 +159,7 @@ def _with_best_plain(board: pd.DataFrame, champions: pd.DataFrame) -> pd.DataFra
             found.append({"best_plain": ""})
             continue
         best = str(alike.method[alike.success.idxmax()])
-        own, other = (_of(champions, str(row.experiment), name) for name in (str(row.method), best))
+        own, other = (_champions(champions, str(row.experiment), name) for name in (str(row.method), best))
         against = _difference(own, other, paired=row.kind == POST_HOC and row.matched_control == best)
         found.append({"best_plain": best} | {f"best_plain_{name}": value for name, value in against.items()})
     return board.join(pd.DataFrame(found, index=board.index, columns=["best_plain", *_BEST_PLAIN]))
@@ -177,31 +174,32 @@ def anytime(courses: pd.DataFrame) -> pd.DataFrame:
     for key, own in courses.groupby(["experiment", "method", "mark"], sort=False):
         row: dict[str, Any] = dict(zip(("experiment", "method", "mark"), key, strict=True))
         row["robot_steps"] = int(own.robot_steps.mean())
-        rows.append(row | {"champions": len(own), **_success_of(own, "success")})
+        rows.append(row | {"champions": len(own), **_success(own, "success")})
     return pd.DataFrame(rows)
 
 
-def _success_of(champions: pd.DataFrame, name: str) -> dict[str, float]:
+def _success(champions: pd.DataFrame, name: str) -> dict[str, float]:
     """The share of trials that succeed, and its interval over champions; champions that are all alike have none.
 
     In reversal learning the share of a champion is a mean of thousands of trials, not one of two or of many worlds:
     its interval is a bootstrap, as that of the difference beside it.
     """
     trials, successes = champions.trials.to_numpy(np.int64), champions.successes.to_numpy(np.int64)
-    shares, low, high = _shares(champions), np.nan, np.nan
+    shares, interval = _shares(champions), (np.nan, np.nan)
     if (champions.experiment == REVERSAL).all():
-        low, high = bootstrap(mean, shares)
+        interval = bootstrap(mean, shares)
     elif len(set(shares)) > 1:
-        low, high = wilson_by_champion(successes, trials)
+        interval = wilson_by_champion(successes, trials)
     share = successes.sum() / trials.sum() if len(trials) else np.nan
-    return {name: share, f"{name}_low": low, f"{name}_high": high}
+    return {name: share, **bounds(f"{name}_", interval)}
 
 
 def _share(successes: "pd.Series[Any]", trials: "pd.Series[Any]") -> float:
+    """The share of trials that succeed; nan where a champion has no such trials."""
     return np.nan if successes.isna().any() else successes.sum() / trials.sum()
 
 
-def _of(champions: pd.DataFrame, experiment: str, method: str) -> pd.DataFrame:
+def _champions(champions: pd.DataFrame, experiment: str, method: str) -> pd.DataFrame:
     return champions[(champions.experiment == experiment) & (champions.method == method)]
 
 
@@ -251,25 +249,25 @@ def readable(own: pd.DataFrame, worlds: pd.DataFrame) -> Table:
         shares = (summed.successes / summed.trials).unstack("tests")[here.tests.unique()]
     rows: list[dict[str, str]] = []
     for row in own.itertuples():
-        control = f"{with_interval(row, 'difference', '+.2f')}, p = {row.p_holm:.2g}, to {code(row.matched_control)}"
-        control += f"; better with {with_interval(row, 'improvement')}"
-        best = f"{with_interval(row, 'best_plain_difference', '+.2f')}, p = {row.best_plain_p_holm:.2g}"
+        control = f"{interval_text(row, 'difference', '+.2f')}, p = {row.p_holm:.2g}, to {code(row.matched_control)}"
+        control += f"; better with {interval_text(row, 'improvement')}"
+        best = f"{interval_text(row, 'best_plain_difference', '+.2f')}, p = {row.best_plain_p_holm:.2g}"
         cells = {"method": code(row.method), "kind": row.kind}
         if not learning:  # there all rules have the same knowledge, the reward
             cells["knowledge"] = row.knowledge
         cells["learn" if learning else "solves both sides in training"] = f"{row.solved} of {row.champions}"
         success = "rewarded share" if learning else "success over the test worlds"
-        cells[success] = f"**{with_interval(row, 'success')}**"
+        cells[success] = f"**{interval_text(row, 'success')}**"
         cells |= {f"in {code(name)}": f"{share:.2f}" for name, share in shares.loc[str(row.method)].items()}
-        cells["interquartile mean"] = with_interval(row, "iqm")
-        cells["of those that learn" if learning else "retention"] = with_interval(row, "retention")
+        cells["interquartile mean"] = interval_text(row, "iqm")
+        cells["of those that learn" if learning else "retention"] = interval_text(row, "retention")
         cells["best champion"] = f"{row.best:.2f}"
         cells["difference to the matched control"] = control if row.matched_control else "–"
         plain = f"{best}, to {code(row.best_plain)}" if row.best_plain else "–"
         cells["difference to the best without plasticity"] = plain
-        cells["rule off"] = with_interval(row, "success_off")
+        cells["rule off"] = interval_text(row, "success_off")
         if learning:
-            cells["reward inverted"] = with_interval(row, "success_inverted")
+            cells["reward inverted"] = interval_text(row, "success_inverted")
         cells["evolved parameters"] = f"{row.evolved_parameters}"
         cells["million robot-steps"] = f"{row.robot_steps / 1e6:.1f}"
         rows.append(cells)
@@ -286,7 +284,7 @@ def markdown(
     provenance: str,
     captions: Mapping[str, str],
 ) -> str:
-    """The page.
+    """The page of a leaderboard in Markdown.
 
     worlds: a row for each method and test world. methods: each with its description. tests: the test worlds of each
     experiment. provenance: lines on the origin of the data. captions: of the figures, in order.

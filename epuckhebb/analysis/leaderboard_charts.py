@@ -10,8 +10,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator
 
 from epuckhebb.analysis import leaderboard
-from epuckhebb.analysis.charts import INK, KIND, SOFT, beside, by_experiment, too_few
-from epuckhebb.analysis.image import in_house_style, plain
+from epuckhebb.analysis.charts import INK, KIND, SOFT, annotate_row, empty_figure, group_experiments
+from epuckhebb.analysis.image import house_style, plain
 from epuckhebb.analysis.statistics import LEAST, performance_profile
 
 _MARKER = {leaderboard.PLAIN: "o", leaderboard.EVOLVED: "D", leaderboard.POST_HOC: "s"}
@@ -19,20 +19,18 @@ _SHARE = ("share of trials that succeed", "share of rewarded trials")
 _OTHERS = {"rule off": "x", "reward inverted": "v", "one champion": "."}
 
 
-@in_house_style()
+@house_style()
 def success(board: pd.DataFrame, champions: pd.DataFrame, limits: Mapping[str, float]) -> Figure:
     """Success of each method of an experiment below its class of knowledge, and the difference to the matched control.
 
     board, champions: the rows of the experiment in the two tables of `analysis.leaderboard`; methods with fewer than
     six champions are left out. limits: lines with their names, such as chance and the optimum.
     """
-    is_reversal = bool(
-        (board.experiment == leaderboard.REVERSAL).all()
-    )  # there all have the same knowledge, the reward
+    is_reversal = bool((board.experiment == leaderboard.REVERSAL).all())  # all have one knowledge there, the reward
     by = "experiment" if is_reversal else "knowledge_class"
     groups = list(board[board.champions >= LEAST].groupby(by, sort=False))
     if not groups:
-        return too_few()
+        return empty_figure()
     lines = sum(len(own) + 1 for _, own in groups)
     drawn = Figure(figsize=(8.0, 0.25 * lines + 1.4))
     left, right = drawn.subplots(1, 2, width_ratios=(3, 2), sharey=True)
@@ -51,8 +49,8 @@ def success(board: pd.DataFrame, champions: pd.DataFrame, limits: Mapping[str, f
             for axes, name in ((left, "success"), (right, "difference")):
                 value, low, high = (getattr(row, name + end) for end in ("", "_low", "_high"))
                 axes.errorbar(value, place, xerr=np.nan_to_num([[value - low], [high - value]]), **look)
-            beside(right, f"{row.success:.2f}", place, 6)
-            beside(right, f"{row.champions}", place, 42)
+            annotate_row(right, f"{row.success:.2f}", place, 6)
+            annotate_row(right, f"{row.champions}", place, 42)
             ticks[place], place = plain(row.method), place - 1
     left.set_yticks(list(ticks), list(ticks.values()))
     for name, share in limits.items():
@@ -61,8 +59,8 @@ def success(board: pd.DataFrame, champions: pd.DataFrame, limits: Mapping[str, f
     left.set(xlim=(-0.02, 1.02), ylim=(place + 0.3, 0.8), xlabel=f"{_SHARE[is_reversal]} (aim: 1)")
     right.set(xlim=(-0.62, 0.62), xlabel="difference to the matched control\n(aim: above 0)")
     right.axvline(0, color=INK, linewidth=0.8)
-    beside(right, "share", 0.5, 6, weight="bold")
-    beside(right, "n", 0.5, 42, weight="bold")
+    annotate_row(right, "share", 0.5, 6, weight="bold")
+    annotate_row(right, "n", 0.5, 42, weight="bold")
     for axes in (left, right):
         axes.grid(axis="x")
         axes.tick_params(axis="y", length=0)
@@ -74,9 +72,12 @@ def success(board: pd.DataFrame, champions: pd.DataFrame, limits: Mapping[str, f
     return drawn
 
 
-@in_house_style()
+@house_style()
 def profiles(board: pd.DataFrame, champions: pd.DataFrame) -> Figure:
-    """The share of champions that exceed each success, of each method; see `success`."""
+    """The share of champions that exceed each success: a curve for each method, a panel for each experiment.
+
+    board, champions: the tables `leaderboard.csv` and `champions.csv`.
+    """
     thresholds = np.linspace(0.0, 1.0, 401)
 
     def curve(own: pd.DataFrame) -> tuple[Any, Any]:
@@ -89,9 +90,9 @@ def profiles(board: pd.DataFrame, champions: pd.DataFrame) -> Figure:
     return drawn
 
 
-@in_house_style()
+@house_style()
 def anytime(board: pd.DataFrame, course: pd.DataFrame) -> Figure:
-    """The success of each method against the robot-steps of its evolution. course: of `leaderboard.anytime`."""
+    """The success of each method against the robot-steps of its evolution. course: `anytime.csv`."""
     tested = board[board.method.isin(course.method)]
     drawn = _curves(tested, course, lambda own: (own.robot_steps / 1e6, own.success), marker="o", markersize=3)
     for axes in drawn.axes:
@@ -108,7 +109,7 @@ def _curves(
     board: pd.DataFrame, rows: pd.DataFrame, curve: Callable[[pd.DataFrame], tuple[Any, Any]], **style: Any
 ) -> Figure:
     """A line for each method, a panel for each experiment; the best method of each kind has its name."""
-    groups = by_experiment(board[board.experiment.isin(rows.experiment)])
+    groups = group_experiments(board[board.experiment.isin(rows.experiment)])
     drawn = Figure(figsize=(3.5 * len(groups) + 0.8, 3.4))
     panels = drawn.subplots(1, len(groups), squeeze=False, sharey=True)[0]
     for axes, (experiment, own) in zip(panels, groups, strict=True):

@@ -65,7 +65,7 @@ def gather(evaluations: Sequence[Evaluated]) -> Gathered:
     for one in evaluations:
         first = {**one.place, **{_column(key): one.settings.get(key, "") for key in more}}
         frame = pd.concat([pd.DataFrame(first, index=one.rows.index), one.rows], axis=1)
-        frame["genome"] = names[_where(one), one.sha256]
+        frame["genome"] = names[_world_name(one), one.sha256]
         for column in (_column(key) for key in keys if is_of_plasticity(key) and key != "hebbian.N"):
             alone = frame.controller == GA
             frame[column] = [ANY if is_alone else value for is_alone, value in zip(alone, frame[column], strict=True)]
@@ -84,7 +84,7 @@ def numeric(rows: pd.DataFrame) -> pd.DataFrame:
     return rows.assign(**{name: pd.to_numeric(rows[name]) for name in names})
 
 
-def _where(one: Evaluated) -> str:
+def _world_name(one: Evaluated) -> str:
     """The experiment of an evaluation, or its environment."""
     return str(one.rows["environment" if "environment" in one.rows else "experiment"].iloc[0])
 
@@ -103,7 +103,7 @@ def _names(evaluations: Sequence[Evaluated]) -> dict[tuple[str, str], str]:
     """A name for each genome, by experiment or environment and SHA-256: its first name, and that where two share it."""
     names: dict[tuple[str, str], str] = {}
     for one in evaluations:
-        names.setdefault((_where(one), one.sha256), one.rows.genome.iloc[0])
+        names.setdefault((_world_name(one), one.sha256), one.rows.genome.iloc[0])
     shared = Counter((experiment, name) for (experiment, _), name in names.items())
     return {
         (experiment, sha256): name if shared[experiment, name] == 1 else f"{name}_{sha256[:8]}"

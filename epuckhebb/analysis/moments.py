@@ -53,7 +53,7 @@ def put_back(time: NDArray[np.float64], pose: NDArray[np.float64], scenario: Sce
     return np.flatnonzero(np.hypot(*np.diff(pose[:, :2], axis=0).T) > farthest) + 1
 
 
-def with_gaps(
+def insert_gaps(
     time: NDArray[np.float64], pose: NDArray[np.float64], scenario: Scenario
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """A record with nan where the robot was put back to the start: no line is drawn there."""

@@ -17,10 +17,9 @@ from PIL import Image
 from epuckhebb.analysis.charts import INK, SIDE
 from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.analysis.figures import LAMP, OBSTACLE, OUTLINE, WALL, controller_title, draw_maze, floor_colour, view
-from epuckhebb.analysis.image import in_house_style, plain
-from epuckhebb.analysis.moments import arrival, timed_change_text, with_gaps
+from epuckhebb.analysis.image import house_style, plain
+from epuckhebb.analysis.moments import arrival, insert_gaps, timed_change_text
 from epuckhebb.tmaze.robot import STEP_S
-from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.scenario import Scenario
 
 _SPEED = 16  # s of a lifetime in a second of film
@@ -28,7 +27,7 @@ _FRAME_S, _LAST_S = 0.1, 4.0  # GIF counts in hundredths of a second
 _PANEL, _MARGIN, _DPI = 3.6, 0.95, 100  # inches, inches above and below, pixels an inch
 
 
-@in_house_style()
+@house_style()
 def gif(traces: Traces, scenario: Scenario, title: str) -> bytes:
     """An animated GIF that repeats."""
     worlds = [world for _, world in scenario.phases]
@@ -50,6 +49,7 @@ def _palette(names: list[str], floors: list[Any]) -> Image.Image:
 
 
 def _frames(traces: Traces, scenario: Scenario, title: str) -> Iterator[Image.Image]:
+    """The frames of the film: the maze is drawn once for each world, robots and paths on it at each moment."""
     controllers = list(dict.fromkeys(traces.controller))
     left, right, bottom, top = view(scenario.maze)
     size = (_PANEL * len(controllers), _PANEL * (top - bottom) / (right - left) + _MARGIN)
@@ -62,19 +62,19 @@ def _frames(traces: Traces, scenario: Scenario, title: str) -> Iterator[Image.Im
     figure.suptitle(textwrap.fill(plain(title), 48 * len(controllers)), fontsize=8)
     clock = figure.supxlabel("0 s", fontsize=12, animated=True)
     moving: list[tuple[Any, ...]] = []
-    for number, (controller, side) in enumerate(zip(traces.controller, traces.side, strict=True)):
-        samples, axes = Samples(*(array[number] for array in traces.samples)), panels[controller]
+    for controller, side, samples in traces.lifetimes:
+        axes = panels[controller]
         look: dict[str, Any] = {"color": SIDE[side], "animated": True}
         (trail,) = axes.plot([], [], linewidth=1.8, **look)
         body = axes.add_patch(Circle((0, 0), radius, alpha=0.85, zorder=3, **look))
         (nose,) = axes.plot([], [], color="white", linewidth=2.5, zorder=4, animated=True)
-        stayed = arrival(samples, scenario, "left" if side == "left" else "right").stayed
+        stayed = arrival(samples, scenario, side).stayed
         ends_left = samples.pose[-1, 0] < (left + right) / 2
         x, look["ha"] = (left + 0.05, "left") if ends_left else (right - 0.05, "right")
         y = samples.pose[-1, 1] - (5.0 if side == "left" else 7.0) * radius
         text = "" if scenario.task.has_trials else f"{side} {'✓' if stayed else '✗'}"
         verdict = axes.text(x, y, text, fontsize=14, weight="bold", path_effects=[OUTLINE], **look)
-        moving.append((trail, body, nose, verdict, with_gaps(time, samples.pose, scenario)))
+        moving.append((trail, body, nose, verdict, insert_gaps(time, samples.pose, scenario)))
     phases = [(step * STEP_S, world) for step, world in scenario.phases]
     shown, drawn, still = -1, list[Artist](), None
     ahead = np.array([0.2, 0.9]) * radius

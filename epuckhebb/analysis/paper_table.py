@@ -59,7 +59,7 @@ class PaperTable:
         return Table(["", *(plain(" ".join(place)) for place in self.means)], rows, numbers=True).markdown()
 
     def readable(self, title: str = "") -> Table:
-        """The table turned, a row for each controller and side, for the terminal."""
+        """The table for the terminal, transposed: a row for each controller and side, a column for each metric."""
         rows = [
             (*map(plain, place), *(text(metric, value) for metric, value in column.items()))
             for place, column in self.means.items()

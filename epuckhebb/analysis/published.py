@@ -52,7 +52,7 @@ def compare(published: pd.DataFrame, each: pd.DataFrame, showcase: Mapping[str, 
     """
     rows = []
     for _, cell in published[published.experiment.isin(list(showcase))].iterrows():
-        here = _at_cell(each, cell).set_index("genome")
+        here = _cell_trials(each, cell).set_index("genome")
         values = here[cell.metric] if cell.metric in here else here.path_length_m / _DURATION_S[cell.experiment]
         ours = float(values.get(showcase[cell.experiment], np.nan))
         if cell.metric == "weight_change_mean" and cell.controller == GA:
@@ -71,7 +71,8 @@ def close(comparison: pd.DataFrame) -> str:
     return f"{int((numbers.relative_deviation.abs() <= _CLOSE).sum())} of {len(numbers)}"
 
 
-def _at_cell(table: pd.DataFrame, cell: "pd.Series[Any]") -> pd.DataFrame:
+def _cell_trials(table: pd.DataFrame, cell: "pd.Series[Any]") -> pd.DataFrame:
+    """Our trials of a cell of the paper's tables, at the paper's rate."""
     rate = 0.0 if cell.controller == GA else PAPER_N[cell.experiment]
     return table[(table[["experiment", *CELL]] == cell[["experiment", *CELL]]).all(axis=1) & (rate == table.N)]
 
@@ -80,27 +81,24 @@ def table(comparison: pd.DataFrame, *, of_all: bool) -> Table:
     """A table in the paper's layout; each cell `ours (paper)`, or for all champions `median [quartiles] (paper)`."""
     columns = comparison[CELL].drop_duplicates()
     head = ["", *(f"{c.scenario}{NEW_LINE}{c.controller} {c.side}" for c in columns.itertuples())]
-    lines = []
-    for row, metric in METRICS.items():
-        of_metric = comparison[comparison.metric == metric].set_index(CELL)
-        if not len(of_metric):
-            continue
-        cells = []
-        for column in columns.itertuples(index=False):
-            value = of_metric.loc[tuple(column)] if tuple(column) in of_metric.index else None
-            cells.append("–" if value is None else _cell(value, metric, of_all=of_all))
-        lines.append([f"**{row}**", *cells])
+    cells = {(row.metric, *row[CELL]): _cell(row, of_all=of_all) for _, row in comparison.iterrows()}
+    lines = [
+        [f"**{name}**", *(cells.get((metric, *column), "–") for column in columns.itertuples(index=False))]
+        for name, metric in METRICS.items()
+        if metric in set(comparison.metric)
+    ]
     return Table(head, lines, numbers=True)
 
 
-def _cell(value: "pd.Series[Any]", metric: str, *, of_all: bool) -> str:
-    decimals = _DECIMALS.get(metric, 4 if abs(value.ours) < 10 or np.isnan(value.ours) else 2)
+def _cell(value: "pd.Series[Any]", *, of_all: bool) -> str:
+    """One cell of a table in the paper's layout: our number, and the paper's in brackets."""
+    decimals = _DECIMALS.get(value.metric, 4 if abs(value.ours) < 10 or np.isnan(value.ours) else 2)
 
     def text(number: float, places: int) -> str:
         return "–" if np.isnan(number) else f"{number:.{places}f}"
 
     paper = f" ({text(value.published, decimals)})" if not np.isnan(value.published) else ""
-    places = 1 if metric == "success" and (of_all or value.ours % 1) else decimals
+    places = 1 if value.metric == "success" and (of_all or value.ours % 1) else decimals
     if not of_all:
         return f"{text(value.ours, places)}{paper}"
     return f"{text(value['median'], places)} [{text(value.q25, places)}, {text(value.q75, places)}]{paper}"

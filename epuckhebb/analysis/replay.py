@@ -55,7 +55,7 @@ def page(
     speed [rad/s] at a network output of 1. network: of these genes. notes: lines below it.
     """
     controllers = list(dict.fromkeys(traces.controller))
-    place = {of: k for k, of in reversed(list(enumerate(zip(traces.controller, traces.side, strict=True))))}
+    recorded = {(name, side): samples for name, side, samples in reversed(traces.lifetimes)}
     sides = [side for side in SIDES if side in traces.side]
     time = traces.samples.time[0]
     every = math.ceil(len(time) / _MOST_SAMPLES)
@@ -64,7 +64,7 @@ def page(
     lifetimes = {}
     has_trials = scenario.task.has_trials
     for side in sides:
-        of_side = [Samples(*(array[place[name, side]] for array in traces.samples)) for name in controllers]
+        of_side = [recorded[name, side] for name in controllers]
         arrivals = [arrival(samples, scenario, side) for samples in of_side]
         lifetimes[side] = [
             {
@@ -90,10 +90,10 @@ def page(
         ],
         "lifetimes": lifetimes,
     }
-    return with_data(Path(__file__).with_suffix(".html"), title, content, notes)
+    return fill_page(Path(__file__).with_suffix(".html"), title, content, notes)
 
 
-def with_data(template: Path, title: str, content: Mapping[str, Any], notes: Sequence[str] = ()) -> str:
+def fill_page(template: Path, title: str, content: Mapping[str, Any], notes: Sequence[str] = ()) -> str:
     """The HTML text of a page whose script reads its data from the page."""
     text, style, script = filled(template)
     filling = {

@@ -3,7 +3,7 @@
 Every number of the page is from a table that is also a CSV file.
 """
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from epuckhebb.analysis.claims import RULE
 from epuckhebb.analysis.evaluate import evaluate
 from epuckhebb.analysis.findings import PAPER_N
 from epuckhebb.analysis.statistics import holm
-from epuckhebb.analysis.tables import NEW_LINE, Table, code, pictures, unmarked, with_interval
+from epuckhebb.analysis.tables import NEW_LINE, Table, code, interval_text, pictures, unmarked
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze.fitness import Signal
@@ -47,14 +47,15 @@ def markdown(
     *,
     champions: int,
     repeats: int,
-    given: bool,
+    is_fixed: bool,
     provenance: str,
 ) -> str:
-    """The page.
+    """The page of a reproduction in Markdown.
 
-    tables: of `tables_of`. paper: the published tables. showcase: of `showcases`. captions: of the figures, in
-    order. champions: of each experiment. repeats: of every condition. given: whether one given
-    genome takes the place of champions. provenance: a line on the origin of the data.
+    tables: by name. paper: the published tables. showcase: for each experiment a champion, in how many cells it agrees
+    with the paper, and of how many. captions: of the figures, in order. champions: of each experiment. repeats: of
+    every condition. is_fixed: whether one genome takes the place of champions. provenance: a line on the origin of the
+    data.
     """
     parts = [
         "# The paper's experiment, reproduced\n",
@@ -62,14 +63,14 @@ def markdown(
         f"{rescue.trial(repeats)} Intervals are 95 %. Intervals and p values take champions as the independent "
         "unit, not trials.\n",
     ]
-    if not given:
+    if not is_fixed:
         parts += ["## The paper's claims\n", CLAIMS, claims_table(tables["claims"]).markdown()]
     parts += ["## Tables 1 to 3: ours (the paper's)\n"]
     for name, group in tables["comparison"].groupby("table", sort=False):
         shown, agreeing, cells = showcase[group.experiment.iloc[0]]
         ours = published.table(group, of_all=False).markdown()
         parts.append(f"### {paper[str(name)]['title']}\n")
-        if given:
+        if is_fixed:
             parts += [
                 f"Genome {code(shown)}. Relative deviations from the published values are in `comparison.csv`.\n",
                 ours,
@@ -83,7 +84,7 @@ def markdown(
             f"\nAll {champions} champions, median [quartiles]:\n",
             published.table(group, of_all=True).markdown(),
         ]
-    if not given:
+    if not is_fixed:
         parts += [
             "## Over all champions\n",
             "### Success\n",
@@ -91,7 +92,7 @@ def markdown(
             "### Rescue and harm\n",
             f"{RESCUE_TEXT}\n",
             rescue_table(tables["rescue_and_harm"]).markdown(),
-            ends.markdown(_at_paper_rates(tables["ends"])),
+            ends.markdown(_paper_rates(tables["ends"])),
         ]
     return "\n".join([*parts, "## Figures\n", *pictures(captions)])
 
@@ -123,8 +124,8 @@ def hebbian(rate: float, signal: Signal, sign: Sign = Sign.hebbian) -> Controlle
     return Controller(name=CONTROLS[sign], rule=Paper(N=rate, sign=sign, signal=signal))
 
 
-def tables_of(metrics: pd.DataFrame, paper: Mapping[str, Any]) -> dict[str, pd.DataFrame]:
-    """Every table by its name. metrics: the lifetimes of all champions. paper: as of `markdown`."""
+def make_tables(metrics: pd.DataFrame, paper: Mapping[str, Any]) -> dict[str, pd.DataFrame]:
+    """Every table by its name. metrics: the lifetimes of all champions. paper: the published tables."""
     each = findings.trials(metrics)
     by_champion = findings.rescue_by_champion(each)
     doses = summary.dose_response(metrics.assign(changed=""), ["N"])
@@ -135,19 +136,22 @@ def tables_of(metrics: pd.DataFrame, paper: Mapping[str, Any]) -> dict[str, pd.D
         "claims": claims.claims(each, published.published_values(paper)),
         "success": findings.success(each),
         "rescue_and_harm": findings.rescue_and_harm(each),
-        "rescue_over_all": findings.rescue_over_all(by_champion),
+        "rescue_over_all": findings.rescue_totals(by_champion),
         **ends.tables(metrics),
         "comparison": published.compare(published.published_values(paper), each, shown),
     } | ({} if doses is None else {"doses": doses})
 
 
 def showcases(each: pd.DataFrame, paper: Mapping[str, Any]) -> dict[str, tuple[str, int, int]]:
-    """The showcase of each experiment; see `claims.showcase`. each: the trials. paper: the published tables."""
+    """For each experiment the champion most like the paper's, in how many cells it agrees, and of how many.
+
+    each: the trials. paper: the published tables.
+    """
     success = published.published_success(paper)
     return {one: claims.showcase(each, success, one) for one in each.experiment.unique()}
 
 
-def figures_of(
+def make_figures(
     tables: Mapping[str, pd.DataFrame],
     shown: Mapping[str, tuple[str, NDArray[Any]]],
     signals: Mapping[str, Signal],
@@ -157,7 +161,7 @@ def figures_of(
 ) -> dict[str, "Figure"]:
     """The figures by name, each with its caption as label, in the order of the page.
 
-    tables: those of `tables_of` by name. shown, signals: for each experiment the champion that is shown, its name and
+    tables: by name. shown, signals: for each experiment the champion that is shown, its name and
     genes (234,), and the live fitness. world: gives the scenario of a name and its lifetime. histories: for each
     experiment the histories of its champions; empty for a given genome. seed: of the noise.
     """
@@ -179,7 +183,7 @@ def figures_of(
             _, traces = evaluate(genes, scenario, [plastic], lifetime, repeats=1, seed=seed, name=name)
             drawn = figures.trajectories(traces, scenario, f"{place}, {at_rate}, one lifetime a side")
             add(f"trajectories_{place}", drawn, f"{place}: trajectories of {at_rate}, one lifetime a side.")
-            recorded[place] = traces.lifetimes_of(HEBBIAN)
+            recorded[place] = traces.side_samples(HEBBIAN)
         changed = {place: recorded[place] for place in findings.CHANGED[one]}
         against, last = "light" if one == "light" else "proximity", findings.CHANGED[one][-1]
         drawn = charts.weight_change(changed, against, at_rate)
@@ -193,12 +197,12 @@ def figures_of(
             add(f"dose_response_{one}", charts.dose_response(own), caption)
     if histories:
         caption = "Rescued and harmed trials of each changed world at the paper's rates, with 95 % intervals."
-        rows = (_at_paper_rates(tables[name]) for name in ("rescue_over_all", "rescue_and_harm"))
+        rows = (_paper_rates(tables[name]) for name in ("rescue_over_all", "rescue_and_harm"))
         add("rescue_and_harm", charts.rescue_and_harm(*rows), caption)
         caption = (
             "Where trials end at the paper's rates: shares of right end, wrong end and elsewhere, n in each title."
         )
-        add("ends", end_charts.ends(_at_paper_rates(tables["ends"])), caption)
+        add("ends", end_charts.ends(_paper_rates(tables["ends"])), caption)
         caption = "Learning curves: best fitness, median and quartiles of the evolutions."
         add("learning_curves", charts.learning_curves(dict(sorted(histories.items(), reverse=True))), caption)
     return made
@@ -207,34 +211,35 @@ def figures_of(
 def claims_table(table: pd.DataFrame) -> Table:
     """The claims with their verdicts, the control beside each, and which trials count."""
     rows = [
-        [row.experiment, row.claim, f"**{row.verdict}**", f"{row.true} of {row.n}", *_of_claim(row), row.counted]
+        [row.experiment, row.claim, f"**{row.verdict}**", f"{row.true} of {row.n}", *_claim_numbers(row), row.counted]
         for row in table.itertuples()
     ]
     head = ["experiment", "claim", "verdict", "trials", "share, or change (the paper's)", "with shuffled signs"]
     return Table([*head, "which trials: what counts"], rows, "The paper's claims")
 
 
-def _of_claim(row: Any) -> list[str]:
-    """The number that decides, a share or an effect, and the same of the control."""
+def _claim_numbers(row: Any) -> list[str]:
+    """The number by which a claim is judged, a share or an effect, and that of its control."""
     if np.isnan(row.paper_effect):
-        return [with_interval(row, "share"), with_interval(row, "control_share")]
+        return [interval_text(row, "share"), interval_text(row, "control_share")]
     names = ("effect", "paper_effect", "control_effect")
-    own, paper, control = (with_interval(row, name, "+.1f", " %") for name in names)
+    own, paper, control = (interval_text(row, name, "+.1f", " %") for name in names)
     return [f"{own} ({paper})", control]
 
 
-def _at_paper_rates(table: pd.DataFrame) -> pd.DataFrame:
+def _paper_rates(table: pd.DataFrame) -> pd.DataFrame:
+    """The rows of a table without plasticity, or at the paper's rates."""
     return table[(table.N == 0) | (table.experiment.map(PAPER_N) == table.N)]
 
 
-def success_table(success: pd.DataFrame, controllers: Collection[str] = (GA, *CONTROLS.values())) -> Table:
+def success_table(success: pd.DataFrame) -> Table:
     """Success at the paper's rates, a row for each scenario and controller."""
-    own = _at_paper_rates(success[success.controller.isin(controllers)])
+    own = _paper_rates(success[success.controller.isin([GA, *CONTROLS.values()])])
     rows = []
     for (experiment, scenario, controller), group in own.groupby(["experiment", "scenario", "controller"], sort=False):
         sides = group.set_index("side")
         cells = [
-            f"{sides.successes[side]} of {sides.n[side]}: {with_interval(sides.loc[side], 'share')}; "
+            f"{sides.successes[side]} of {sides.n[side]}: {interval_text(sides.loc[side], 'share')}; "
             f"wrong end {sides.wrong[side]}"
             for side in ("left", "right", "both")
         ]
@@ -244,13 +249,13 @@ def success_table(success: pd.DataFrame, controllers: Collection[str] = (GA, *CO
 
 def rescue_table(harm: pd.DataFrame) -> Table:
     """Rescue and harm at the paper's rates, controls included; the p values of the table are corrected together."""
-    shown = _at_paper_rates(harm)
+    shown = _paper_rates(harm)
     rows = [
         [
             row.scenario,
             rescue.label(row.controller, row.N),
             *rescue.counts(row),
-            with_interval(row, "difference", "+.2f"),
+            interval_text(row, "difference", "+.2f"),
         ]
         + ["–" if np.isnan(p) else f"{p:.2g}"]
         for row, p in zip(shown.itertuples(), holm(shown.sign_flip_p.tolist()), strict=True)

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Any
 
-from epuckhebb.analysis.tables import Table, plain, with_interval
+from epuckhebb.analysis.tables import Table, interval_text, plain
 from epuckhebb.tmaze.individual import HEBBIAN
 from epuckhebb.tmaze.scenario import TRAINED
 
@@ -21,7 +21,7 @@ COUNTED = (
 
 
 def trial(repeats: int) -> str:
-    """What a trial is, and when it succeeds."""
+    """A sentence for a page: what a trial is, and when it succeeds."""
     return (
         "A *trial* is one champion on one side. It succeeds if the robot ends within 5 cm of its goal in more than "
         f"half of its {repeats} repeats."
@@ -33,14 +33,8 @@ def label(controller: str, rate: float) -> str:
     return f"{controller}, N = {rate:g}" if rate or controller == HEBBIAN else controller
 
 
-def markdown(
-    over_all: "pd.DataFrame",
-    by_scenario: "pd.DataFrame",
-    champions: int,
-    repeats: int,
-    names: str,
-) -> str:
-    """The page. over_all, by_scenario: tables of `findings`; names: of the champions, in a few words."""
+def markdown(over_all: "pd.DataFrame", by_scenario: "pd.DataFrame", champions: int, repeats: int, names: str) -> str:
+    """The page of rescue and harm. over_all, by_scenario: the two tables; names: of the champions, in a few words."""
     parts = [
         "# Rescue and harm\n",
         f"{champions} champions of each experiment, {names}. {trial(repeats)} {COUNTED} Intervals are 95 %, over "
@@ -52,16 +46,16 @@ def markdown(
         parts += [
             f"## The {experiment} experiment\n",
             f"Training world: {training}. Changed worlds: {changes}.\n",
-            over_all_table(own).markdown(),
+            totals_table(own).markdown(),
             "### Each world: rescued/wrong end/broken, harmed/intact\n",
-            _by_scenario(own_scenarios).markdown(),
+            _scenario_table(own_scenarios).markdown(),
         ]
     parts.append(f'<img src="figures/{FIGURE}" alt="Rescue and harm of each plasticity, with intervals">\n')
     return "\n".join(parts)
 
 
-def over_all_table(own: "pd.DataFrame") -> Table:
-    """A row for each plasticity; own: the rows of an experiment in `findings.rescue_over_all`."""
+def totals_table(own: "pd.DataFrame") -> Table:
+    """Rescue and harm of each plasticity over all changed worlds. own: the rows of one experiment."""
     rows = [
         [plain(label(row.controller, row.N)), *counts(row), f"{row.training_harmed} of {row.training_solved}"]
         for row in own.itertuples()
@@ -71,16 +65,16 @@ def over_all_table(own: "pd.DataFrame") -> Table:
 
 
 def counts(row: Any) -> list[str]:
-    """The cells below `RESCUED`, `ENDS` and `HARMED`; row: of `findings.rescue_over_all` or `rescue_and_harm`."""
+    """Three cells: trials rescued, the ends of the broken ones, trials harmed. row: of a table of rescue and harm."""
     cells = []
     for part, whole in (("rescued", "broken"), ("harmed", "intact")):
         text = f"{getattr(row, part)} of {getattr(row, whole)}"
-        cells.append(f"{text}: {with_interval(row, f'{part}_share')}" if getattr(row, whole) else text)
+        cells.append(f"{text}: {interval_text(row, f'{part}_share')}" if getattr(row, whole) else text)
     cells.insert(1, f"{row.rescued}, {row.broken_wrong}, {row.broken_elsewhere}")
     return cells
 
 
-def _by_scenario(own: "pd.DataFrame") -> Table:
+def _scenario_table(own: "pd.DataFrame") -> Table:
     """A cell for each plasticity and scenario; the longer of the two lists goes down the page."""
     own = own.assign(
         plasticity=[plain(label(row.controller, row.N)) for row in own.itertuples()],

@@ -18,7 +18,7 @@ def table(metrics: pd.DataFrame, trials: pd.DataFrame, task: Task, seed: int) ->
     `task.first=left`, two that differ in their noise. Its value is their mean. The interval is a bootstrap over
     repeats.
 
-    metrics, trials: of `epuckhebb.analysis.evaluate`. seed: of the bootstrap.
+    metrics: a row for each lifetime. trials: a row for each trial. seed: of the bootstrap.
     """
     rows: list[tuple[Any, ...]] = []
     for name, lifetimes in metrics.groupby("controller", sort=False):

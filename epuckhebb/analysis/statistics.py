@@ -27,7 +27,7 @@ _UNKNOWN = (math.nan, math.nan)
 Statistic = Callable[..., NDArray[np.float64]]
 
 
-def intervals_over(what: str, counts: Sequence[int]) -> str:
+def interval_title(what: str, counts: Sequence[int]) -> str:
     """What a title says of intervals: over what they are, and from how many cases on there are any.
 
     counts: the cases of each row of the table.
@@ -36,10 +36,15 @@ def intervals_over(what: str, counts: Sequence[int]) -> str:
     return f"95 % intervals over {what}" + ("" if min(counts) >= LEAST else f", which need {LEAST}: here {numbers}")
 
 
+def bounds(name: str, interval: tuple[float, float]) -> dict[str, float]:
+    """The two cells of a table for an interval: `NAMElow` and `NAMEhigh`."""
+    return dict(zip((f"{name}low", f"{name}high"), interval, strict=True))
+
+
 def wilson(share: float, n: float) -> tuple[float, float]:
     """Wilson's 95 % interval of a share among n independent cases; n may be an effective number, with a fraction.
 
-    It is for the lifetimes of one champion, which differ in their noise alone. For champions see `wilson_by_champion`.
+    It is for the lifetimes of one champion, which differ in their noise alone; `wilson_by_champion` is for champions.
     Source: Wilson, J. Am. Stat. Assoc. 22 (1927) 209.
 
     Returns:
@@ -82,14 +87,7 @@ def wilson_by_champion(part: NDArray[Any], whole: NDArray[Any]) -> tuple[float, 
 
     Returns:
         Lower and upper end; (nan, nan) if fewer than `LEAST` champions have trials.
-
-    Raises:
-        ValueError: counts that cannot be.
     """
-    if part.shape != whole.shape or part.ndim != 1:
-        raise ValueError(f"one number for each champion is needed, got shapes {part.shape} and {whole.shape}")
-    if (part < 0).any() or (part > whole).any():
-        raise ValueError("a champion's true trials must be between none and all of its trials")
     champions, trials, true = int((whole > 0).sum()), float(whole.sum()), float(part.sum())
     if champions < LEAST:
         return _UNKNOWN
@@ -190,7 +188,7 @@ def _monte_carlo(draw: Callable[[np.random.Generator, int], NDArray[Any]], champ
 
 
 def _portions(numbers: int) -> Iterator[int]:
-    """How many resamples to draw at a time, each with so many numbers, so that memory is bounded."""
+    """Divide all resamples into portions that fit into memory. numbers: of each resample."""
     most = max(1, _AT_ONCE // numbers)
     for drawn in range(0, RESAMPLES, most):
         yield min(most, RESAMPLES - drawn)
@@ -210,10 +208,7 @@ def holm(p: Sequence[float]) -> NDArray[np.float64]:
 
 
 def bootstrap(
-    statistic: Statistic,
-    *groups: NDArray[np.float64],
-    seed: int = 0,
-    percentiles: tuple[float, float] = (2.5, 97.5),
+    statistic: Statistic, *groups: NDArray[np.float64], seed: int = 0, percentiles: tuple[float, float] = (2.5, 97.5)
 ) -> tuple[float, float]:
     """Percentile bootstrap interval of a statistic of champions; those of each group are resampled apart.
 
@@ -278,11 +273,17 @@ def interquartile_mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def improvement(ours: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The probability that a champion of ours exceeds one of the others; a tie counts one half. Source: as above."""
+    """The probability that a champion of ours exceeds one of the others; a tie counts one half.
+
+    Source: Agarwal et al., NeurIPS 34 (2021) 29304.
+    """
     ours, others = ours[..., :, None], others[..., None, :]
     return np.asarray(((ours > others).mean(axis=(-2, -1)) + (ours >= others).mean(axis=(-2, -1))) / 2)
 
 
 def performance_profile(values: NDArray[np.float64], thresholds: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The share of champions that exceed each threshold, (thresholds,). Source: as above."""
+    """The share of champions that exceed each threshold, (thresholds,).
+
+    Source: Agarwal et al., NeurIPS 34 (2021) 29304.
+    """
     return np.asarray((values > thresholds[:, None]).mean(axis=-1))

@@ -14,8 +14,8 @@ import pandas as pd
 from epuckhebb.analysis import ends, findings, rescue
 from epuckhebb.analysis.evaluate import MEANS
 from epuckhebb.analysis.lifetimes import is_of_plasticity, numeric
-from epuckhebb.analysis.statistics import LEAST, bootstrap, mean, wilson, wilson_by_champion
-from epuckhebb.analysis.tables import Table, code, plain, with_interval
+from epuckhebb.analysis.statistics import LEAST, bootstrap, bounds, mean, wilson, wilson_by_champion
+from epuckhebb.analysis.tables import Table, code, interval_text, plain
 from epuckhebb.tmaze.individual import GA
 from epuckhebb.tmaze.maze import SIDES
 from epuckhebb.tmaze.scenario import TRAINED
@@ -51,7 +51,7 @@ def has_champions(rows: pd.DataFrame) -> bool:
     return bool((rows.groupby("experiment").genome.nunique() > 1).any())
 
 
-def over_champions(rows: pd.DataFrame, settings: list[str]) -> pd.DataFrame:
+def champion_means(rows: pd.DataFrame, settings: list[str]) -> pd.DataFrame:
     """One row for each condition, controller and side: means over champions, with 95 % bootstrap intervals.
 
     How far the weights are from the genes at the end, and how far they moved in all, have no interval: they show
@@ -80,10 +80,10 @@ def _means(lifetimes: pd.DataFrame, *, several: bool = True) -> dict[str, float]
         values = lifetimes.groupby("genome", sort=False)[column].mean() if several else lifetimes[column]
         each = values.to_numpy(float)
         if column != "success":
-            low, high = bootstrap(mean, each)
+            interval = bootstrap(mean, each)
         else:
-            low, high = wilson_by_champion(each, np.ones(len(each))) if several else wilson(each.mean(), len(each))
-        means |= {column: values.mean(), f"{column}_low": low, f"{column}_high": high}
+            interval = wilson_by_champion(each, np.ones(len(each))) if several else wilson(each.mean(), len(each))
+        means |= {column: values.mean(), **bounds(f"{column}_", interval)}
     return means
 
 
@@ -138,7 +138,7 @@ def rescue_and_harm(rows: pd.DataFrame) -> tuple[dict[str, pd.DataFrame], str] |
     lifetimes = numeric(rows)
     each = findings.trials(lifetimes)
     by_champion, by_scenario = findings.rescue_by_champion(each), findings.rescue_and_harm(each)
-    over_all = findings.rescue_over_all(by_champion)
+    over_all = findings.rescue_totals(by_champion)
     champions = int(each.groupby("experiment").genome.nunique().max())
     seeds = f"{code(each.genome.iloc[0])} to {code(each.genome.iloc[-1])}"
     page = rescue.markdown(over_all, by_scenario, champions, lifetimes.repeat.nunique(), seeds)
@@ -154,7 +154,7 @@ def readable(tables: Mapping[str, pd.DataFrame]) -> list[Table]:
     """
     harm = []
     if "rescue_over_all" in tables:
-        harm = [rescue.over_all_table(own) for _, own in tables["rescue_over_all"].groupby("experiment", sort=False)]
+        harm = [rescue.totals_table(own) for _, own in tables["rescue_over_all"].groupby("experiment", sort=False)]
     if "over_champions" in tables:
         own = tables["over_champions"].rename(columns={"champions": "n"})
         success = _success_table(own, "mean over {} champions", " over champions")
@@ -180,20 +180,16 @@ def _success_table(summary: pd.DataFrame, of: str, interval_is: str) -> list[Tab
     shown = [*alike.values(), "controller"]  # of columns that tell the same, the last: a genome is known by its name
     same = summary.n.nunique() == 1
     rewarded = has_trials(summary)
-    has_interval = not rewarded or f"{_REWARDED}_low" in summary
-    known = summary[f"{_REWARDED if rewarded else 'success'}_low"].notna().any() if has_interval else False
+    name, form = (_REWARDED, ".3f") if rewarded else ("success", ".2f")
     rows: dict[tuple[str, ...], dict[str, str]] = {}
     for row in summary.to_dict("records"):
         place = tuple(plain(_cell(row[name])) for name in shown)
-        value = f"{row[_REWARDED]:.3f}" if rewarded else f"{row['success']:.2f}"
-        if has_interval:
-            name, form = (_REWARDED, ".3f") if rewarded else ("success", ".2f")
-            value = with_interval(pd.Series(row), name, form)
-        rows.setdefault(place, {})[row["side"]] = value + ("" if same else f" of {row['n']}")
+        count = "" if same else f" of {row['n']}"
+        rows.setdefault(place, {})[row["side"]] = interval_text(pd.Series(row), name, form) + count
     facts = [of.format(summary.n.iloc[0])] if same else []
-    facts += (
-        [f"95 % interval{interval_is}" if known else f"fewer than {LEAST} have no interval"] if has_interval else []
-    )
+    if f"{name}_low" in summary:
+        is_known = summary[f"{name}_low"].notna().any()
+        facts.append(f"95 % interval{interval_is}" if is_known else f"fewer than {LEAST} have no interval")
     title = "Rewarded share, by the end that is rewarded first" if rewarded else "Success"
     headings = [*shown, *(side if rewarded else f"success, {side}" for side in SIDES)]
     cells = [[*place, *(values.get(side, "") for side in SIDES)] for place, values in rows.items()]

@@ -39,12 +39,12 @@ class Table:
         return Table([self.headings[column] for column in columns], rows, self.title, text)
 
 
-def with_interval(row: Any, name: str, form: str = ".2f", unit: str = "") -> str:
-    """A number of a row of a table with its interval, as far as they are known; a dash without the number.
+def interval_text(row: Any, name: str, form: str = ".2f", unit: str = "") -> str:
+    """A number of a row of a table as text, with its interval, as far as they are known; a dash without the number.
 
-    name: of the column. Its interval is in `NAME_low` and `NAME_high`, that of `A_share` in `A_low` and `A_high`.
+    name: of the column. Its interval is in `NAME_low` and `NAME_high`, or that of `A_share` in `A_low` and `A_high`.
     """
-    stem = name.removesuffix("share") if name.endswith("share") else f"{name}_"
+    stem = f"{name}_" if hasattr(row, f"{name}_low") else name.removesuffix("share")
     value, low, high = (getattr(row, key, math.nan) for key in (name, f"{stem}low", f"{stem}high"))
     if math.isnan(value):
         return "–"

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.analysis.evaluate import TRIALS
 from epuckhebb.analysis.image import image
-from epuckhebb.export.replay import Recording, page_of
+from epuckhebb.export.replay import Recording, recording_page
 from epuckhebb.live.server import Play
 from epuckhebb.runs import PreparedEvaluation, caption, drawn
 from epuckhebb.store import Genome
@@ -142,7 +142,9 @@ class Evaluation:
         if film := world.film(genome):
             return Film(film)
         title = caption(self.config, genome.name)
-        return Page(page_of(Recording(self.recorded, genome.weights, genome.network, self.config, title, self._notes)))
+        return Page(
+            recording_page(Recording(self.recorded, genome.weights, genome.network, self.config, title, self._notes))
+        )
 
     def __repr__(self) -> str:
         """The table, and what a reader must know beside it."""

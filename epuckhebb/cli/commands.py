@@ -22,9 +22,9 @@ from epuckhebb.cli.options import (
     Run,
     RunOptions,
     StudyOptions,
+    resolve_genomes,
+    split_experiment,
     takes_options,
-    with_experiment,
-    with_genomes_named,
 )
 from epuckhebb.runtime import JOB_FAILED, ConfigError, JobFailedError
 
@@ -73,11 +73,11 @@ def finish_many(command: str, folder: Path, jobs: "Jobs", output: Output) -> Non
     """Write and print the tables over all whole runs of a multirun; jobs that have none are an error."""
     from epuckhebb.cli import show
     from epuckhebb.runs.jobs import failure_text
-    from epuckhebb.store import Run, of_multirun
-    from epuckhebb.studies.sweep import write_summary_of_multirun
+    from epuckhebb.store import Run, multirun_runs
+    from epuckhebb.studies.sweep import summarise_multirun
 
-    write_summary_of_multirun(folder)
-    runs = [path for path in of_multirun(folder) if Run(path).is_whole]
+    summarise_multirun(folder)
+    runs = [path for path in multirun_runs(folder) if Run(path).is_whole]
     failed = [{"run": str(task.path), "error": reason} for task, reason in jobs.failures]
     output.print(
         lambda: {"command": command, "runs": list(map(show.as_json, runs)), "failed": failed},
@@ -96,7 +96,7 @@ def reporter(output: Output) -> Callable[[Path], None]:
 
 
 def print_run(command: str, path: Path, output: Output) -> None:
-    """Print where a run is, whose results have been printed, or all as JSON."""
+    """Print the folder of a run, below its results; with --json, everything that the run holds."""
     from epuckhebb.cli import show
 
     output.print(
@@ -142,7 +142,7 @@ def evolve(overrides: Overrides = None, *, options: RunOptions) -> None:
     from epuckhebb.runtime import path_of
     from epuckhebb.store import MULTIRUN
 
-    words = with_genomes_named(overrides)
+    words = resolve_genomes(overrides)
     if any(word.startswith("resume=") for word in words):
         if options.multirun or options.cfg or options.config_dir:
             raise ConfigError("resume=RUN goes on with the settings of RUN: no -m, --cfg or --config-dir with it")
@@ -166,7 +166,7 @@ def evaluate(overrides: Overrides = None, *, options: RunOptions) -> None:
     """A genome's lifetimes with and without plasticity."""
     from epuckhebb.runs import as_evolved, evaluate_job, prepare_evaluation
 
-    words = as_evolved(with_genomes_named(overrides), options.config_dir)
+    words = as_evolved(resolve_genomes(overrides), options.config_dir)
     run_command("evaluate", evaluate_job, prepare_evaluation, words, options)
 
 
@@ -237,7 +237,7 @@ def play(
     be_quiet(quiet)
     words = list(overrides or ())
     if words[:1] != ["flock"]:
-        words = as_evolved(with_genomes_named(words), config_dir)
+        words = as_evolved(resolve_genomes(words), config_dir)
     with Play(words, side, config_dir, port) as live, suppress(KeyboardInterrupt):
         say("Ctrl-C ends it.")
         typer.echo(live.address)  # from here on, Ctrl-C is how it is ended
@@ -257,7 +257,7 @@ def reproduce(
     """The paper's tables and figures, and whether its claims hold."""
     from epuckhebb.studies.reproduce import plan
 
-    experiment, overrides = with_experiment(words, "all")
+    experiment, overrides = split_experiment(words, "all")
     run_study(plan(experiment, overrides, quick=quick), options)
 
 
@@ -266,8 +266,7 @@ def reproduce(
 def leaderboard(
     words: Overrides = None,
     quick: Annotated[
-        bool,
-        typer.Option("--quick", help="A smoke test in three minutes: 3 methods, 2 champions."),
+        bool, typer.Option("--quick", help="A smoke test in three minutes: 3 methods, 2 champions.")
     ] = False,
     dry_run: DryRun = False,
     *,
@@ -276,7 +275,7 @@ def leaderboard(
     """Which plasticity copes with worlds it was not evolved in."""
     from epuckhebb.studies.leaderboard import plan
 
-    experiment, overrides = with_experiment(words, "obstacles" if quick else "all")
+    experiment, overrides = split_experiment(words, "obstacles" if quick else "all")
     planned = plan(experiment, overrides, quick=quick, config_dir=options.config_dir)
     run_study(planned, options, dry_run=dry_run)
 
@@ -292,7 +291,7 @@ def flock(
     """Couplings between robots, and what they are good for."""
     from epuckhebb.studies.flock import plan
 
-    run_study(plan(with_genomes_named(overrides), quick=quick, config_dir=options.config_dir), options)
+    run_study(plan(resolve_genomes(overrides), quick=quick, config_dir=options.config_dir), options)
 
 
 @app.command(cls=Command)
@@ -305,22 +304,18 @@ def sweep(
     options: StudyOptions,
 ) -> None:
     """A named sweep or your own study; again, it does the rest."""
-    from epuckhebb.studies.study import plan_own
+    from epuckhebb.studies.study import plan_user_study
     from epuckhebb.studies.sweep import plan
 
-    config_dir, words = options.config_dir, with_genomes_named(overrides)
-    planned = plan_own(name, words) if ".py:" in name else plan(name, words, config_dir)
+    config_dir, words = options.config_dir, resolve_genomes(overrides)
+    planned = plan_user_study(name, words) if ".py:" in name else plan(name, words, config_dir)
     run_study(planned, options, dry_run=dry_run)
 
 
 @app.command(cls=Command)
 def show(
     what: Annotated[
-        str | None,
-        typer.Argument(
-            help="A folder of a run or of runs, or latest.  [latest runs]",
-            metavar="WHAT",
-        ),
+        str | None, typer.Argument(help="A folder of a run or of runs, or latest.  [latest runs]", metavar="WHAT")
     ] = None,
     as_json: Json = False,
 ) -> None:

@@ -8,7 +8,7 @@ from epuckhebb.runtime import ConfigError, conf, data_folder, did_you_mean
 COMMANDS = ("evaluate", "evolve", "evaluate_environment", "evolve_environment", "reproduce", "leaderboard", "flock")
 
 
-def known() -> dict[str, list[Path]]:
+def key_files() -> dict[str, list[Path]]:
     """The files with the keys of each command and each group."""
     files = {command: [conf.command_file(command)] for command in COMMANDS}
     for group in (group for command in COMMANDS for group in conf.groups(command) if group != "experiment"):
@@ -19,7 +19,7 @@ def known() -> dict[str, list[Path]]:
 
 def keys_text(name: str | None) -> str:
     """The files of a command or a group, which say what each key is; without a name, those of the commands."""
-    files = known()
+    files = key_files()
     if name is None:
         groups = ", ".join(group for group in files if group not in COMMANDS)
         return "\n".join([*_texts([files[command][0] for command in COMMANDS]), f"# epuckhebb keys GROUP: {groups}"])

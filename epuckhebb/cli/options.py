@@ -75,8 +75,7 @@ Cfg = Annotated[
     typer.Option("--cfg", "-c", metavar="job", help="Show the configuration that would run, run nothing."),
 ]
 ConfigDir = Annotated[
-    str | None,
-    typer.Option("--config-dir", metavar="FOLDER", help="A folder with YAML files of your own."),
+    str | None, typer.Option("--config-dir", metavar="FOLDER", help="A folder with YAML files of your own.")
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object; all else on standard error.")]
@@ -131,6 +130,7 @@ def takes_options(command: Callable[..., None]) -> Callable[..., None]:
 
     @functools.wraps(command)
     def called(**values: Any) -> None:
+        """Call the command with its options as one value."""
         options = kind(**{one.name: values.pop(one.name) for one in shared})
         be_quiet(options.quiet)
         with nullcontext() if getattr(options, "cfg", None) else redirect_stdout(sys.stderr):  # what own parts print
@@ -141,15 +141,15 @@ def takes_options(command: Callable[..., None]) -> Callable[..., None]:
     return called
 
 
-def with_experiment(words: list[str] | None, default: str) -> tuple[str, list[str]]:
+def split_experiment(words: list[str] | None, default: str) -> tuple[str, list[str]]:
     """The experiment that stands before the overrides, or the default; and the overrides, champions named."""
-    overrides = with_genomes_named(words)
+    overrides = resolve_genomes(words)
     if overrides and "=" not in overrides[0]:
         return overrides[0], overrides[1:]
     return default, overrides
 
 
-def with_genomes_named(overrides: list[str] | None) -> list[str]:
+def resolve_genomes(overrides: list[str] | None) -> list[str]:
     """Overrides in which the folder of the latest evolution stands in place of `genome=latest` and `resume=latest`.
 
     A run then notes which evolution it used, whatever evolves later.

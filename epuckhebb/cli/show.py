@@ -12,7 +12,7 @@ from epuckhebb.analysis.paper_table import PaperTable, saturation
 from epuckhebb.analysis.tables import Rows, unmarked
 from epuckhebb.cli.console import print_line, print_table, print_text
 from epuckhebb.runtime import ConfigError
-from epuckhebb.store import Genome, Run, below_runs, load_genome, of_multirun, resolve_run
+from epuckhebb.store import Genome, Run, list_runs, load_genome, multirun_runs, resolve_run
 from epuckhebb.tmaze.outcome import End
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def _title(metrics: Rows) -> str:
 
 
 def print_jobs(found: dict[str, Any], console: Console) -> None:
-    """List the first jobs of a study that is not run. found: as in its JSON."""
+    """Print the first jobs of a study, as --dry-run lists them. found: its folder and its jobs, as in JSON."""
     folder, listed = found["folder"], found["jobs"]
     rows = [(n, "done" if job["done"] else "to do", job["what"]) for n, job in enumerate(listed[:_LISTED])]
     print_table(console, f"{len(listed)} jobs in {folder}/", ("job", "", "what"), rows, text=3)
@@ -91,10 +91,10 @@ def print_results(path: Path, console: Console, study: "type[Study] | None" = No
     """
     run = Run(path)
     if run.has("sweep.json"):
-        from epuckhebb.studies.study import Study, study_named  # studies take a while to load
+        from epuckhebb.studies.study import Study, find_study  # studies take a while to load
 
         reference = run.json("sweep.json")["name"]
-        study = study or (Study if ":" in reference else study_named(reference))
+        study = study or (Study if ":" in reference else find_study(reference))
         if run.has(study.result):
             print_study(study, path, console)
     elif run.provenance["command"] == "sweep":  # a job of a user's study, whose tables may have any columns
@@ -133,27 +133,27 @@ def print_many(finished: list[Path], console: Console) -> None:
         print_study(Sweep, folder, console)
     else:
         for path in finished:
-            print_line(console, f"{path.name}  {' '.join(Run(path).provenance['overrides'])}  {_in_short(path)}")
+            print_line(console, f"{path.name}  {' '.join(Run(path).provenance['overrides'])}  {_short_result(path)}")
     print_line(console, f"Run folders: {folder}/{finished[0].name} to {folder}/{finished[-1].name}")
 
 
 def show(what: str | None, console: Console) -> None:
     """Print all of a run or a multirun; the latest runs if nothing is named."""
     if what is None:
-        runs = below_runs()
+        runs = list_runs()
         if not runs:
             print_line(console, f"There are no runs in {Path('runs').absolute()} yet; begin with: epuckhebb evaluate")
         elif len(runs) > _LATEST:
             print_line(console, f"The latest of {len(runs)} runs:")
         for path in runs[-_LATEST:]:
             try:
-                result = _in_short(path)
+                result = _short_result(path)
             except ConfigError as error:
                 result = str(error)
             print_line(console, f"{path}  {result}")
         return
     path = resolve_run(what)
-    if many := of_multirun(path):
+    if many := multirun_runs(path):
         print_many(many, console)
     else:
         _print_run(path, console)
@@ -162,9 +162,9 @@ def show(what: str | None, console: Console) -> None:
 def shown_as_json(what: str | None) -> dict[str, Any]:
     """What `show` prints, as JSON values."""
     if what is None:
-        return {"runs": [str(path) for path in below_runs()]}
+        return {"runs": [str(path) for path in list_runs()]}
     path = resolve_run(what)
-    many = of_multirun(path)
+    many = multirun_runs(path)
     return {"run": str(path), "runs": list(map(as_json, many))} if many else as_json(path)
 
 
@@ -178,7 +178,7 @@ def as_json(path: Path) -> dict[str, Any]:
     return values
 
 
-def _in_short(path: Path) -> str:
+def _short_result(path: Path) -> str:
     """The state of a run, and its result in a few words."""
     run = Run(path)
     status = run.status

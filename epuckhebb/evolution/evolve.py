@@ -42,7 +42,7 @@ class Generation:
 
     number: from 0. fitness: (individuals,). success: (individuals,) share of each one's lifetimes that ended at the
     goal. champion: (genes,) the fittest; after the last generation, the best of the optimizer's candidates.
-    champion_fitness: by which it was chosen. again: fitness of the fittest in fresh lifetimes, with plasticity and
+    champion_fitness: by which it was chosen. remeasured: fitness of the fittest in fresh lifetimes, with plasticity and
     without; None if it was not measured. log: all results so far, for the optimizer. tables: what it has to show, by
     name. robot_steps: cost.
     """
@@ -55,7 +55,7 @@ class Generation:
     log: tuple[Results, ...]
     tables: dict[str, "pd.DataFrame"]
     robot_steps: int
-    again: tuple[float, float] | None = None
+    remeasured: tuple[float, float] | None = None
 
 
 class Evaluator(Protocol):
@@ -70,7 +70,7 @@ class Evaluator(Protocol):
     ) -> tuple[Floats, Floats, dict[str, Floats], int]:
         """Mean fitness and success of each individual, measures by name, and the steps that were run."""
 
-    def again(self, genes: Floats, generation: int) -> tuple[float, float] | None:  # noqa: ARG002  # the maze needs them
+    def remeasure(self, genes: Floats, generation: int) -> tuple[float, float] | None:  # noqa: ARG002  # the maze needs them
         """Fitness of an individual in fresh lifetimes, with plasticity and without; None if not asked for."""
         return None
 
@@ -104,7 +104,7 @@ def evolve(
     search = Search(optimizer, plan, seed, () if after is None else after.log, start)
 
     def whole(genes: Floats) -> Floats:
-        return with_given(genes, network, rule, given)
+        return complete_genomes(genes, network, rule, given)
 
     for number in range(0 if after is None else after.number + 1, generations):
         population = whole(search.ask())
@@ -112,7 +112,7 @@ def evolve(
         search.tell(fitness, measures)
         best = int(np.argmax(fitness))
         champion, champion_fitness = population[best], float(fitness[best])
-        again = evaluator.again(champion, number)
+        remeasured = evaluator.remeasure(champion, number)
         candidates = whole(search.candidates())
         if learns and not optimizer.confirm:
             candidates = population[np.argsort(-fitness, kind="stable")[:CANDIDATES]]
@@ -132,11 +132,11 @@ def evolve(
             log=search.log,
             tables=search.tables(),
             robot_steps=robot_steps,
-            again=again,
+            remeasured=remeasured,
         )
 
 
-def with_given(evolved: Floats, network: Network, rule: Rule, given: Floats | None) -> Floats:
+def complete_genomes(evolved: Floats, network: Network, rule: Rule, given: Floats | None) -> Floats:
     """Genomes of their evolved parts, (genomes, genes), and of the weights that are given, or begin at random."""
     if given is None:
         if rule.initial_weights is not InitialWeights.random:
@@ -226,7 +226,7 @@ class MazeEvaluator(NamedTuple):
             measured[LEARNT] = learnt / (self.loops * len(_TRIALS))
         return fitness, success, measured, robot_steps
 
-    def again(self, genes: Floats, generation: int) -> tuple[float, float] | None:
+    def remeasure(self, genes: Floats, generation: int) -> tuple[float, float] | None:
         """Fitness in fresh lifetimes, with plasticity and without; None if not asked for.
 
         They are fresh, since in those of its generation the fittest was lucky.
@@ -277,4 +277,4 @@ def history_row(generation: Generation) -> dict[str, Any]:
         "worst_fitness": generation.fitness.min(),
         **({} if np.isnan(generation.success).any() else successes),  # an environment knows no success
         "robot_steps": generation.robot_steps,
-    } | dict(zip(("best_fitness_again", "best_fitness_rule_off"), generation.again or (), strict=False))
+    } | dict(zip(("best_fitness_again", "best_fitness_rule_off"), generation.remeasured or (), strict=False))

@@ -105,7 +105,7 @@ class Training:
             return
         if scenario.task.has_trials:
             raise ValueError(f"training.gain_rad_s must be null in {scenario.task.name}, got {list(self.gain_rad_s)}")
-        most, end = self.gain_rad_s[1], self._at_gain(lifetime, self.gain_rad_s[1]).duration_s
+        most, end = self.gain_rad_s[1], self._change_gain(lifetime, self.gain_rad_s[1]).duration_s
         if most > scenario.robot.motor_limit_rad_s:
             raise ValueError(f"training.gain_rad_s must be at most {scenario.robot.motor_limit_rad_s:g}, got {most}")
         if scenario.changes and scenario.changes[-1]["at_s"] >= end:
@@ -127,7 +127,7 @@ class Training:
         if self.gain_rad_s is not None:
             drawn = random.rng(seed, Stream.training_world, generation).random()
             least, most = self.gain_rad_s
-            lifetime = self._at_gain(lifetime, least * (most / least) ** drawn)
+            lifetime = self._change_gain(lifetime, least * (most / least) ** drawn)
         unvaried = min(loops, self.unvaried_loops) if self.is_varied else loops
         worlds = [World(scenario, lifetime, 0.0)] * unvaried
         for loop in range(unvaried, loops):
@@ -137,7 +137,7 @@ class Training:
             worlds[-self.rehearsal :] = [World(origin, lifetime, 0.0)] * self.rehearsal
         return worlds
 
-    def _at_gain(self, lifetime: Lifetime, gain: float) -> Lifetime:
+    def _change_gain(self, lifetime: Lifetime, gain: float) -> Lifetime:
         """A lifetime at another gain with the same possible path: gain times duration is constant."""
         return replace(lifetime, gain_rad_s=gain, duration_s=lifetime.duration_s * lifetime.gain_rad_s / gain)
 

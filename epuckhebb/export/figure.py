@@ -11,13 +11,13 @@ from epuckhebb.export import FIGURES
 from epuckhebb.export.replay import recording
 from epuckhebb.runs import config_of, figures
 from epuckhebb.runtime import ConfigError
-from epuckhebb.store import Run, load_genome, of_multirun, write_atomic
+from epuckhebb.store import Run, load_genome, multirun_runs, write_atomic
 from epuckhebb.studies import sweep
-from epuckhebb.studies.study import study_named
+from epuckhebb.studies.study import find_study
 from epuckhebb.tmaze.individual import GA_ALONE
 
 
-def _of_run(run: Run, name: str) -> Figure:
+def _draw_run(run: Run, name: str) -> Figure:
     """A figure of one run."""
     if name == "reversal":
         shares, trials = run.table("reversal.csv"), run.table("reversal_trials.csv")
@@ -35,14 +35,14 @@ def _of_run(run: Run, name: str) -> Figure:
         return maze(world)
     plastic, *_ = shown.config.controllers or [GA_ALONE]
     title = f"{plastic.name} in {shown.title}"
-    return charts.weights(shown.weights, traces.lifetimes_of(plastic.name), plastic.rule.w_max, title)
+    return charts.weights(shown.weights, traces.side_samples(plastic.name), plastic.rule.w_max, title)
 
 
 def names(path: Path) -> list[str]:
     """The figures that a run has; the tables and figures of a multirun are made, of its whole runs."""
     run = Run(path)
-    if of_multirun(path):
-        sweep.write_summary_of_multirun(path)
+    if multirun_runs(path):
+        sweep.summarise_multirun(path)
     known = [name for name, file in FIGURES.items() if run.has(file)]
     known = known or sorted(file.stem for file in (path / "figures").glob("*.png"))
     if not known:
@@ -61,11 +61,11 @@ def draw(path: Path, name: str, kind: str, width_mm: float | None, output: Path 
     if name not in known:
         raise ConfigError(f"{path} has the figures {', '.join(known)}; got {name}")
     if name in FIGURES and run.has(FIGURES[name]):
-        drawn = _of_run(run, name)
-    elif of_multirun(path):
+        drawn = _draw_run(run, name)
+    elif multirun_runs(path):
         drawn = sweep.figures(run)[name]
     else:
-        drawn = study_named(run.json("sweep.json")["name"]).stored(run).figures(run)[name]
+        drawn = find_study(run.json("sweep.json")["name"]).stored(run).figures(run)[name]
     target = output or path / "figures" / f"{name}.{kind}"
     write_atomic(target, image(drawn, kind, width_mm))
     return target

@@ -5,7 +5,7 @@ from tempfile import TemporaryDirectory
 
 import yaml
 
-from epuckhebb.analysis.replay import with_data
+from epuckhebb.analysis.replay import fill_page
 from epuckhebb.config import load_any
 from epuckhebb.export.replay import replay
 from epuckhebb.runs import evaluate_into
@@ -33,11 +33,12 @@ def gallery(folder: Path) -> list[Path]:
             say(f"{exhibit['file']} is left out: {error}")
         else:
             made.append(exhibit)
-    write_atomic(folder / "index.html", with_data(_HERE.with_suffix(".html"), "gallery", {"exhibits": made}).encode())
+    write_atomic(folder / "index.html", fill_page(_HERE.with_suffix(".html"), "gallery", {"exhibits": made}).encode())
     return [folder / name for name in (*(exhibit["file"] for exhibit in made), "index.html")]
 
 
 def _make(words: list[str], target: Path) -> None:
+    """Make one exhibit: run its command in a temporary folder, and write its replay."""
     if words[0] == "flock":
         write_atomic(target, flock.first_page().encode())
         return

@@ -66,13 +66,13 @@ def replay(run: Path, page: Path | None = None, gif: Path | None = None) -> list
         return [page]
     recorded = recording(run)
     if page:
-        write_atomic(page, page_of(recorded).encode())
+        write_atomic(page, recording_page(recorded).encode())
     if gif:
         write_atomic(gif, movie.gif(recorded.traces, recorded.config.world, recorded.title))
     return [file for file in (page, gif) if file]
 
 
-def page_of(recorded: Recording) -> str:
+def recording_page(recorded: Recording) -> str:
     """The page of a recording."""
     title, world, gain = recorded.title, recorded.config.world, recorded.config.lifetime.gain_rad_s
     weights, notes = recorded.weights, recorded.notes

@@ -43,10 +43,10 @@ _WALL = """Solid {{
 
 
 def webots(what: str, folder: Path) -> tuple[list[Path], str]:
-    """Write a controller that plays what a user names: a run of `evaluate`, with its plasticity, or a champion without.
+    """Write a Webots controller: of a run of `evaluate` with its plasticity, or of a champion without plasticity.
 
-    what: a run folder, `latest`, the file of a champion, or `reference`. folder: that of the controller, which is
-    called as it is. Returns the files that were written, the controller first; and what to do with it.
+    what: a run folder, `latest`, the file of a champion, or `reference`. folder: of the controller, which gets the name
+    of the folder. Returns the files that were written, the controller first; and what to do with it.
     """
     genome, config = _genome_and_config(what)
     if genome.wiring != LAYERS:

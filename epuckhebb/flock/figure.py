@@ -4,11 +4,11 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from epuckhebb.analysis.charts import INK, KIND, SOFT
-from epuckhebb.analysis.image import in_house_style
-from epuckhebb.flock.tables import WHAT_BREAKS, title_of
+from epuckhebb.analysis.image import house_style
+from epuckhebb.flock.tables import WHAT_BREAKS, coupling_title
 
 
-@in_house_style()
+@house_style()
 def curves(table: pd.DataFrame, at_s: float, runs: int) -> Figure:
     """Mean cosine of heading to the goal by minute: a row for each kind of break, a column for each coupling.
 
@@ -30,7 +30,7 @@ def curves(table: pd.DataFrame, at_s: float, runs: int) -> Figure:
             axes.grid(axis="y")
         panels[0].set_ylabel(WHAT_BREAKS[breaks].replace(" that", "\nthat").replace(" breaks", "\nbreaks"))
     for name, top, bottom in zip(names, rows[0], rows[-1], strict=True):
-        top.set_title(title_of(name))
+        top.set_title(coupling_title(name))
         bottom.set_xlabel("minutes")
     rows[0][0].set_ylim(-0.35, 1.05)
     figure.suptitle(f"Heading to the goal of the intact robots (cosine; aim: 1), n = {runs} flocks; dotted: the break")
@@ -38,11 +38,11 @@ def curves(table: pd.DataFrame, at_s: float, runs: int) -> Figure:
     return figure
 
 
-@in_house_style()
+@house_style()
 def couplings(pairs: pd.DataFrame, broken: int, knowers: int, runs: int) -> Figure:
     """Who listens to whom just before the break and at the end: a column for each coupling.
 
-    pairs: of `tables.couplings`, with a column `coupling`.
+    pairs: the table `couplings.csv`: a row for each coupling, listener and speaker.
     """
     groups = pairs.groupby("coupling", sort=False)
     figure = Figure(figsize=(1.85 * len(groups) + 0.9, 4.4))
@@ -56,7 +56,7 @@ def couplings(pairs: pd.DataFrame, broken: int, knowers: int, runs: int) -> Figu
             axes.spines[:].set_visible(False)
             axes.set_xticks(robots, names, rotation=90, fontsize=7)
             axes.set_yticks(robots, names if axes in rows[:, 0] else [], fontsize=7)
-        panels[0].set_title(title_of(str(coupling)))
+        panels[0].set_title(coupling_title(str(coupling)))
         panels[1].set_xlabel("speaker")
     for axes, when in zip(rows[:, 0], ("before the break", "at the end"), strict=True):
         axes.set_ylabel(f"{when}\nlistener")

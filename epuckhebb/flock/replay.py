@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from epuckhebb.analysis.replay import packed, with_data
+from epuckhebb.analysis.replay import fill_page, packed
 from epuckhebb.flock.plane import CHANGE_S, SAMPLE_S, Flock, Record
-from epuckhebb.flock.tables import WHAT_BREAKS, by_minute, title_of
+from epuckhebb.flock.tables import WHAT_BREAKS, coupling_title, minute_cosines
 from epuckhebb.tmaze.robot import EPUCK
 
 _EVERY = 2  # samples, of which the page has one
@@ -19,10 +19,10 @@ def page(flock: Flock, records: Mapping[str, Record], title: str) -> str:
     for name, record in records.items():
         path = record.path[::_EVERY].copy()
         path[..., 2] = np.remainder(path[..., 2] + np.pi, 2 * np.pi) - np.pi
-        flocks[title_of(name)] = {
+        flocks[coupling_title(name)] = {
             "path": packed(path),
             "weights": packed(record.weights),
-            "cosine": [round(cosine, 3) for cosine in by_minute(flock, record)],
+            "cosine": [round(cosine, 3) for cosine in minute_cosines(flock, record)],
         }
     after, what = f"{flock.robots} robots; after {flock.at_s / 60:g} minutes", WHAT_BREAKS[flock.breaks]
     content = {
@@ -38,4 +38,4 @@ def page(flock: Flock, records: Mapping[str, Record], title: str) -> str:
         "radius": EPUCK.radius_m,
         "outcome": f"{after} {what}" if flock.broken >= 0 else what.capitalize(),
     }
-    return with_data(Path(__file__).with_suffix(".html"), title, content)
+    return fill_page(Path(__file__).with_suffix(".html"), title, content)

@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from epuckhebb.analysis.statistics import bootstrap, mean, wilson_by_champion
-from epuckhebb.analysis.tables import Table, code, with_interval
+from epuckhebb.analysis.statistics import bootstrap, bounds, mean, wilson_by_champion
+from epuckhebb.analysis.tables import Table, code, interval_text
 from epuckhebb.flock.plane import CHANGE_S, SAMPLE_S, Flock, Record
 
 CONDITION = ("loudness", "knowers", "range_m", "breaks", "coupling")
@@ -28,7 +28,7 @@ WHAT_BREAKS = {
 }
 
 
-def metrics_of(flock: Flock, record: Record) -> dict[str, float]:
+def run_metrics(flock: Flock, record: Record) -> dict[str, float]:
     """The metrics of a run.
 
     before, just_after, long_after: mean cosine of heading to the goal of the intact robots, in the second half of the
@@ -84,13 +84,13 @@ def table(runs: pd.DataFrame, seed: int) -> pd.DataFrame:
     for condition, own in runs.groupby(list(CONDITION), sort=False):
         good = (own.long_after > _GOOD).to_numpy(np.int64)
         row = dict(zip(CONDITION, condition, strict=True)) | {"runs": len(own), "good": good.mean()}
-        row["good_low"], row["good_high"] = wilson_by_champion(good, np.ones_like(good))
+        row |= bounds("good_", wilson_by_champion(good, np.ones_like(good)))
         paired = own.set_index([*CONDITION[:-1], "seed"]).long_after
         values = {name: own[name] for name in METRICS} | {"difference": paired - frozen.loc[paired.index]}
         for name, each in values.items():
             row[name] = each.min() if name == "least_gap_m" else each.mean()
             if name != "least_gap_m":
-                row[f"{name}_low"], row[f"{name}_high"] = bootstrap(mean, each.to_numpy(), seed=seed)
+                row |= bounds(f"{name}_", bootstrap(mean, each.to_numpy(), seed=seed))
         rows.append(row)
     return pd.DataFrame(rows)
 
@@ -99,13 +99,12 @@ def curves(minutes: pd.DataFrame, seed: int) -> pd.DataFrame:
     """The mean over flocks at each minute, with its interval. minutes: a row for each run and minute."""
     rows = []
     for (breaks, coupling, minute), own in minutes.groupby(["breaks", "coupling", "minute"], sort=False):
-        low, high = bootstrap(mean, own.cosine.to_numpy(), seed=seed)
-        found = {"breaks": breaks, "coupling": coupling, "minute": minute}
-        rows.append({**found, "cosine": own.cosine.mean(), "cosine_low": low, "cosine_high": high})
+        row = {"breaks": breaks, "coupling": coupling, "minute": minute, "cosine": own.cosine.mean()}
+        rows.append(row | bounds("cosine_", bootstrap(mean, own.cosine.to_numpy(), seed=seed)))
     return pd.DataFrame(rows)
 
 
-def by_minute(flock: Flock, record: Record) -> list[float]:
+def minute_cosines(flock: Flock, record: Record) -> list[float]:
     """The mean cosine of heading to the goal in each minute, of the robots that do not break."""
     cosines, size = heading_cosine(flock, record), round(60 / SAMPLE_S)
     return [float(cosines[first : first + size].mean()) for first in range(0, len(cosines), size)]
@@ -128,10 +127,10 @@ def main_tables(table: pd.DataFrame) -> list[Table]:
     for breaks, own in usual(table).groupby("breaks", sort=False):
         rows = []
         for row in own.itertuples():
-            cells = [with_interval(row, name, ".3f") for name in ("before", "just_after", "long_after")]
-            cells += ["–" if row.coupling == "frozen" else with_interval(row, "difference", "+.3f")]
+            cells = [interval_text(row, name, ".3f") for name in ("before", "just_after", "long_after")]
+            cells += ["–" if row.coupling == "frozen" else interval_text(row, "difference", "+.3f")]
             cells += [f"{row.good * row.runs:.0f} of {row.runs}"]
-            cells += [with_interval(row, name) for name in METRICS[3:7]]
+            cells += [interval_text(row, name) for name in METRICS[3:7]]
             rows.append([_name(row.coupling), *cells, f"{1000 * row.least_gap_m:.1f}"])
         tables.append(Table(head, rows, f"{WHAT_BREAKS[str(breaks)].capitalize()} (n = {own.runs.iloc[0]})"))
     return tables
@@ -146,7 +145,7 @@ def sweep_table(table: pd.DataFrame) -> Table:
         cells = {row.coupling: row for row in own.itertuples()}
         rows.append(
             [str(breaks), f"{loudness:g}", f"{knowers}", f"{range_m:g}", f"{own.runs.iloc[0]}"]
-            + [with_interval(cells[name], "long_after") for name in names]
+            + [interval_text(cells[name], "long_after") for name in names]
         )
     return Table(["breaks", "loudness", "knowers", "range (m)", "n", *map(_name, names)], rows)
 
@@ -167,8 +166,8 @@ def page(table: pd.DataFrame, made: str, figures: Sequence[str]) -> str:
     )
 
 
-def title_of(coupling: str) -> str:
-    """A coupling in a picture."""
+def coupling_title(coupling: str) -> str:
+    """The title of a coupling in a figure or on a page: `transfer entropy × fitness`."""
     return coupling.replace("_", " ").replace(" x ", " × ")
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from epuckhebb.config import load
 from epuckhebb.flock.plane import HOLD, FlockRun
-from epuckhebb.flock.tables import title_of
+from epuckhebb.flock.tables import coupling_title
 from epuckhebb.studies.flock import FlockStudy
 from epuckhebb.tmaze.maze import Pose
 from epuckhebb.tmaze.robot import EPUCK
@@ -17,7 +17,7 @@ WORD = "flock"  # the first word of the settings, which are those of `epuckhebb 
 
 
 class LiveFlock:
-    """A flock with one coupling, which can be switched; it has what a server needs of `LiveWorld`.
+    """A flock with one coupling, which can be switched, with the methods that a server calls.
 
     words: settings. steps: how many have been run; robots decide every few of them. is_over: after a day.
     """
@@ -57,7 +57,7 @@ class LiveFlock:
 
     def facts(self) -> dict[str, Any]:
         """What stays as it is while the flock drives."""
-        couplings = {name: [title_of(name), getdoc(row.coupling)] for name, row in self._rows.items()}
+        couplings = {name: [coupling_title(name), getdoc(row.coupling)] for name, row in self._rows.items()}
         flock = self._run.flock
         return {"robots": flock.robots, "knowers": flock.knowers, "radius": EPUCK.radius_m, "couplings": couplings}
 

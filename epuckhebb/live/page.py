@@ -51,6 +51,7 @@ def facts(play: "Play") -> dict[str, Any]:
 
 
 def _maze_facts(world: LiveWorld) -> dict[str, Any]:
+    """What stays as it is in a lifetime in a maze."""
     scenario, network = world.config.world, world.genome.network
     champions = sorted((data_folder("runs/reference") / "champions").glob(f"{scenario.experiment}_seed*.npz"))
     return {
@@ -99,6 +100,7 @@ def state(play: "Play") -> dict[str, Any]:
 
 
 def _maze_state(world: LiveWorld) -> dict[str, Any]:
+    """What can change in a lifetime in a maze."""
     now, last = world.scenario, world.changes[-1] if world.changes else {}
     return {
         "world": {
@@ -131,9 +133,8 @@ def samples(world: LiveWorld, since: int) -> tuple[bytes, int]:
         some = np.minimum(steps, robot.steps - 1)
         columns = [np.nan_to_num(getattr(robot.samples, name)[some]).reshape(len(some), -1) for name in _SENT]
         parts.append(np.concatenate(columns, axis=1, dtype="<f4", casting="same_kind").tobytes())
-        change = robot.samples.weights[some[first - since :: WEIGHTS_EVERY]] - robot.life.genotype.weights.astype(
-            np.float32
-        )
+        initial = robot.life.genotype.weights.astype(np.float32)
+        change = robot.samples.weights[some[first - since :: WEIGHTS_EVERY]] - initial
         parts.append(change.astype("<f4", copy=False).tobytes())
     return b"".join(parts), until
 

@@ -79,6 +79,7 @@ class Play:
             time.sleep(0.5)
 
     def _run(self) -> None:
+        """Run the world until it ends: advance it, tell the pages, and wait for the next frame."""
         while not self.has_ended:
             with self.news:
                 if self._advance():
@@ -105,11 +106,13 @@ class Play:
         return steps > 0 and self._step(steps)
 
     def _new(self, words: Sequence[str], side: str, changes: Sequence[dict[str, Any]] = ()) -> LiveWorld | LiveFlock:
+        """A new world of these settings: robots in a maze, or a flock."""
         if words[:1] == [flock.WORD]:
             return LiveFlock(words, self._config_dir)
         return LiveWorld(words, side, self._config_dir, changes)
 
     def _step(self, steps: int) -> bool:
+        """Run steps, and count a new version if pages must be told more than samples; returns whether any was run."""
         before = self.world.shown
         try:
             done = self.world.run(steps)
@@ -239,6 +242,7 @@ class _Handler(BaseHTTPRequestHandler):
         return self._names_us() and hmac.compare_digest(secret, self.server.play.secret.encode())
 
     def _begin(self, kind: str, more: dict[str, Any]) -> None:
+        """Send the head of an answer."""
         self.send_response(HTTPStatus.OK)
         for name, value in {"Content-Type": kind, "Cache-Control": "no-store", **more}.items():
             self.send_header(name, str(value))

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from epuckhebb.analysis.evaluate import individuals_for
+from epuckhebb.analysis.evaluate import make_individuals
 from epuckhebb.config import EvaluateConfig, hand, load, quoted
 from epuckhebb.runs import compile_for, evaluate_into, hydra, prepare_evaluation
 from epuckhebb.runtime import ConfigError
@@ -58,7 +58,7 @@ class LiveWorld:
         self.lifetime = replace(config.lifetime, record_every=1)
         wanted = [(number, self.side, 0) for number in range(len(self.controllers))]
         nominal, plan, network = prepared.world.nominal(genome, 1), genome.plan, genome.network
-        individuals = individuals_for(
+        individuals = make_individuals(
             genome.genes, self.controllers, wanted, nominal, plan, network, config.seed, genome.signs
         )
         kept = int(has_control(self.controllers))
@@ -121,6 +121,7 @@ class LiveWorld:
         return self.steps - before
 
     def _run(self, steps: int) -> None:
+        """Make the change that was wished for, then run so many steps of all robots."""
         before = self.steps
         if self.wishes and not self.is_over:
             planned = [one for one in self.config.world.changes if step_of(one) >= before]

@@ -21,7 +21,7 @@ from epuckhebb.runs.begin import begin
 from epuckhebb.runs.hydra import Report, unreported
 from epuckhebb.runs.world import world_of
 from epuckhebb.runtime import LATEST, ConfigError, data_folder
-from epuckhebb.store import Genome, Run, RunFolder, below_runs, checked_genes, digest, load_genome, resolve_run
+from epuckhebb.store import Genome, Run, RunFolder, checked_genes, digest, list_runs, load_genome, resolve_run
 from epuckhebb.tmaze.individual import GA_ALONE
 from epuckhebb.tmaze.robot import EPUCK
 from epuckhebb.tmaze.scenario import TRAINED
@@ -133,7 +133,7 @@ def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:
 
 def _latest_in(environment: str) -> Path:
     """The newest evolution in an environment; a ConfigError if there is none."""
-    for path in reversed([path for path in below_runs() if path.parts[1] == "evolve"]):
+    for path in reversed([path for path in list_runs() if path.parts[1] == "evolve"]):
         its = environment_of_run(str(path)).get("environment", {})
         if environment == its.get("name") or str(its.get("id")).endswith(environment):
             return path

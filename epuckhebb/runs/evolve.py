@@ -25,7 +25,7 @@ from epuckhebb.controller.genome import GenomePlan, plan_of
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import name_of
 from epuckhebb.controller.plasticity.rule import NoRule
-from epuckhebb.evolution.evolve import Generation, evolve, with_given
+from epuckhebb.evolution.evolve import Generation, complete_genomes, evolve
 from epuckhebb.evolution.optimizer import limits
 from epuckhebb.evolution.search import Results, Search, check_start
 from epuckhebb.runs import hydra
@@ -125,7 +125,7 @@ class PreparedEvolution:
     def fittest(self, log: Sequence[Results], number: int) -> NDArray[np.float64]:
         """The fittest genome of a generation that has ended: the optimizer asks for it again, without a lifetime."""
         fittest = self.search(log[:number]).ask()[[np.argmax(log[number].fitness)]]
-        fittest = with_given(fittest, self.network, self.config.rule, self.given)
+        fittest = complete_genomes(fittest, self.network, self.config.rule, self.given)
         return np.ravel(fittest)
 
     def network_genes(self, champion: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -202,7 +202,7 @@ class Gymnasium(World):
         from epuckhebb.analysis import environments as analysis
 
         names, environment = [row["controller"] for row in rows], self.config.environment
-        course = analysis.over_lifetime(names, recorded, environment.horizon)
+        course = analysis.lifetime_course(names, recorded, environment.horizon)
         table = analysis.table(pd.DataFrame(rows))
         write("lifetime.csv", course)
         write("table.csv", table)

@@ -58,9 +58,9 @@ from epuckhebb.store import (
     MULTIRUN,
     PROVENANCE,
     Run,
-    check_folder_of_multirun,
+    check_multirun_folder,
+    compare_machines,
     locked,
-    say_if_elsewhere,
     write_atomic,
 )
 
@@ -169,7 +169,7 @@ def run_many(
     named = [argument for argument in arguments if argument.startswith(SWEEP_DIR)]
     verb, _, _ = command.partition("_")
     folder = Path(value_of(named[-1])) if named else Path("runs") / verb / f"{new_stamp()}_multirun"
-    check_folder_of_multirun(folder)
+    check_multirun_folder(folder)
     words = [f"{SWEEP_DIR}{quoted(str(folder.absolute()))}", *(word for word in arguments if word not in named)]
     before = (folder / MULTIRUN).read_bytes() if (folder / MULTIRUN).is_file() else None
 
@@ -183,7 +183,7 @@ def run_many(
             with chdir(Path.cwd()):
                 check_same(path, from_values(values, SCHEMAS[command], command))
         for path in list(begun)[:1]:
-            say_if_elsewhere(path, Run(path).provenance)
+            compare_machines(path, Run(path).provenance)
         named = zip(names_of_overrides(listed), listed, paths, strict=True)
         return [Task(name=name, overrides=own, path=path, result=path) for name, own, path in named]
 

@@ -11,7 +11,7 @@ from epuckhebb.runs.evaluate import evaluate_job, prepare_evaluation
 from epuckhebb.runs.evolve import evolve_job, prepare_evolution
 from epuckhebb.runs.hydra import Job, new_stamp
 from epuckhebb.runtime import ConfigError, say, thread_count
-from epuckhebb.store import SCIENCE, Run, load_genome, say_if_elsewhere, versions
+from epuckhebb.store import SCIENCE, Run, compare_machines, load_genome, versions
 
 
 def config_of(run: Run, command: str) -> Any:
@@ -34,7 +34,7 @@ def repeat(path: Path) -> tuple[Path, str]:
         raise ConfigError(f"{path} is {state}; only a finished run can be compared with")
     if facts["code"].get("science") != SCIENCE:
         say("The program has changed since this run.")
-    say_if_elsewhere(path, facts)
+    compare_machines(path, facts)
     for name, number in versions().items():
         before = facts.get("packages", {}).get(name)
         if before not in (None, number):

@@ -18,9 +18,9 @@ from epuckhebb.store.disk import (
     as_npz,
     write_atomic,
 )
-from epuckhebb.store.folder import UNFINISHED, Content, RunFolder, as_bytes, check_folder_of_multirun, set_aside
+from epuckhebb.store.folder import UNFINISHED, Content, RunFolder, as_bytes, check_multirun_folder, set_aside
 from epuckhebb.store.genome import Genome, champion_file, checked_genes, load_genome
 from epuckhebb.store.lock import is_locked, locked
-from epuckhebb.store.provenance import SCIENCE, digest, fingerprint, say_if_elsewhere, versions
-from epuckhebb.store.run import Run, below_runs, of_multirun, resolve_run
+from epuckhebb.store.provenance import SCIENCE, compare_machines, digest, fingerprint, versions
+from epuckhebb.store.run import Run, list_runs, multirun_runs, resolve_run
 from epuckhebb.store.traces import read_traces, traces_arrays

@@ -11,7 +11,7 @@ import numpy as np
 from epuckhebb.evolution.evolve import Generation, history_row
 from epuckhebb.evolution.search import Results, Search
 from epuckhebb.runtime import ConfigError
-from epuckhebb.store.disk import CHECKPOINT, arrays_of, one_error
+from epuckhebb.store.disk import CHECKPOINT, convert_errors, parse_arrays
 from epuckhebb.store.rows import as_csv
 from epuckhebb.store.run import Run
 
@@ -64,8 +64,8 @@ class Checkpoint:
         path = run / CHECKPOINT
         if not path.exists():
             return None
-        with one_error(f"{path} cannot be read as a checkpoint of this run's configuration"):
-            arrays = arrays_of(Run(run).content(CHECKPOINT))
+        with convert_errors(f"{path} cannot be read as a checkpoint of this run's configuration"):
+            arrays = parse_arrays(Run(run).content(CHECKPOINT))
             if str(arrays["settings"]) != settings:
                 raise ConfigError(f"{run}/.hydra/config.yaml is not what this evolution began with; put it back")
             ends = np.cumsum(arrays["individuals"])[:-1]  # of each generation

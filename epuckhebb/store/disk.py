@@ -37,13 +37,13 @@ def write_atomic(target: Path, content: bytes, *, lasting: bool = True) -> None:
         raise
 
 
-def bytes_of(file: Path) -> bytes:
+def read_bytes(file: Path) -> bytes:
     """The content of a file."""
     with refusing(lambda error: f"{file} cannot be read: {error.strerror}", OSError):
         return file.read_bytes()
 
 
-def sha256_of(content: bytes) -> str:
+def hash_bytes(content: bytes) -> str:
     """The SHA-256 of a content, as hexadecimal digits."""
     return hashlib.sha256(content).hexdigest()
 
@@ -53,9 +53,9 @@ def as_json(content: dict[str, Any]) -> bytes:
     return (json.dumps(content, indent=2) + "\n").encode()
 
 
-def json_of(content: bytes, file: Path, *needed: str) -> dict[str, Any]:
+def parse_json(content: bytes, file: Path, *needed: str) -> dict[str, Any]:
     """The object in a JSON file, which has the needed keys."""
-    with one_error(f"{file} cannot be used"):
+    with convert_errors(f"{file} cannot be used"):
         values = json.loads(content)
         if not isinstance(values, dict):
             raise TypeError("it is not a JSON object")
@@ -72,7 +72,7 @@ def as_npz(arrays: Mapping[str, Any]) -> bytes:
     return buffer.getvalue()
 
 
-def arrays_of(content: bytes) -> dict[str, NDArray[Any]]:
+def parse_arrays(content: bytes) -> dict[str, NDArray[Any]]:
     """The arrays of a `.npz` file by name; the one of a `.npy` file is called `genome`."""
     if not content.startswith(_NUMPY):
         raise ValueError("it is no file of NumPy; save the numbers with numpy.save")
@@ -84,6 +84,6 @@ def arrays_of(content: bytes) -> dict[str, NDArray[Any]]:
     return dict(loaded)
 
 
-def one_error(what: str) -> AbstractContextManager[None]:
+def convert_errors(what: str) -> AbstractContextManager[None]:
     """Turn whatever goes wrong while a file is read into a `ConfigError` that begins with `what`."""
     return refusing(lambda error: f"{what}: {error}", Exception)  # damaged bytes may raise anything

@@ -18,9 +18,9 @@ from epuckhebb.runtime import ConfigError, JobFailedError, is_interruption, is_o
 from epuckhebb.store import disk
 from epuckhebb.store.disk import CONFIG, MULTIRUN, OVERRIDES, PROVENANCE, SCHEMA, STATUS, as_json
 from epuckhebb.store.lock import LOCK, PATIENCE_S, claim, is_locked, lock, release
-from epuckhebb.store.provenance import provenance, say_if_elsewhere
+from epuckhebb.store.provenance import compare_machines, provenance
 from epuckhebb.store.rows import as_csv
-from epuckhebb.store.run import Run, of_multirun
+from epuckhebb.store.run import Run, multirun_runs
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -48,19 +48,13 @@ class RunFolder:
         self.path = path.absolute()  # a part of the user's may go elsewhere
         self.command_line, self.failure = list(facts["command_line"]), ""
         self.left_behind: Callable[[], str] = lambda: ""
-        self._lock, self._started = held, _now()
+        self._lock, self._started = held, _timestamp()
         self._written: dict[str, str] = {}  # name -> SHA-256 of the files written
         self._earlier: dict[str, str] = {}  # the same for files that an earlier call wrote, and this one not yet
 
     @classmethod
     def new(
-        cls,
-        path: Path,
-        command: str,
-        config: str,
-        arguments: list[str],
-        facts: dict[str, Any],
-        own: Own = None,
+        cls, path: Path, command: str, config: str, arguments: list[str], facts: dict[str, Any], own: Own = None
     ) -> "RunFolder":
         """Claim a folder that holds no run yet, and write down what is about to run.
 
@@ -68,9 +62,9 @@ class RunFolder:
         facts: what else belongs into `provenance.json`, for example the genome's SHA-256. own: the user's files, which
         the folder keeps as copies.
         """
-        content = provenance(command, arguments) | _own_code(own) | facts
+        content = provenance(command, arguments) | _user_code(own) | facts
         run = cls(path, None, content)
-        with _one_message(path):
+        with _convert_folder_errors(path):
             path.mkdir(parents=True, exist_ok=True)
             if not (path / STATUS).exists():
                 _refuse_foreign(path)
@@ -104,19 +98,24 @@ class RunFolder:
         content and gets an entry with those of the facts that are others now. The arguments are those of `new`, with
         `config` None where each job has its own. overrides: to be kept in a file, if any.
         """
-        content, before = provenance(command, arguments) | _own_code(own) | facts, Run(path)
+        content, before = provenance(command, arguments) | _user_code(own) | facts, Run(path)
         run = cls(path, None, content)
-        with _one_message(path):
+        with _convert_folder_errors(path):
             path.mkdir(parents=True, exist_ok=True)
             _refuse_foreign(path, command)
             run._lock = lock(path, PATIENCE_S)
             with suppress(ConfigError):  # nothing can be read where nothing has begun
                 earlier, status = before.provenance, before.status
-                say_if_elsewhere(path, earlier)
+                compare_machines(path, earlier)
                 run._started = status.get("started", run._started)
                 run._earlier = dict(status.get("sha256", {}))
                 others = {key: fact for key, fact in facts.items() if earlier.get(key) != fact}
-                again = {"started": _now(), "command_line": content["command_line"], **others, "code": content["code"]}
+                again = {
+                    "started": _timestamp(),
+                    "command_line": content["command_line"],
+                    **others,
+                    "code": content["code"],
+                }
                 content = {**earlier, "resumed": [*earlier.get("resumed", []), again]}
             try:
                 _remove_half_done(path)
@@ -134,14 +133,14 @@ class RunFolder:
             self._write_status("running")
         disk.write_atomic(self.path / name, content)
         if name != STATUS:
-            self._written[name] = disk.sha256_of(content)
+            self._written[name] = disk.hash_bytes(content)
 
     def remove_stale(self) -> None:
         """Remove what an earlier call wrote and this one did not; a file that was changed since is set aside."""
         while self._earlier:
             name, sha256 = self._earlier.popitem()
             file = self.path / name
-            if file.is_file() and disk.sha256_of(file.read_bytes()) == sha256:
+            if file.is_file() and disk.hash_bytes(file.read_bytes()) == sha256:
                 file.unlink()
             elif file.exists():
                 set_aside(file, self.path, "is of an earlier call and was changed since")
@@ -175,13 +174,7 @@ class RunFolder:
         finally:
             release(self._lock)
 
-    def _begin(
-        self,
-        facts: dict[str, Any],
-        config: str | None,
-        overrides: list[str] | None,
-        own: Own,
-    ) -> None:
+    def _begin(self, facts: dict[str, Any], config: str | None, overrides: list[str] | None, own: Own) -> None:
         """Write down what runs here: its state first, and `provenance.json`, by which a run is known, after that."""
         self._write_status("running")
         if overrides is not None:
@@ -201,10 +194,11 @@ class RunFolder:
         return left
 
     def _write_status(self, state: str, **more: str) -> None:
+        """Write `status.json`: the state, the times, and the SHA-256 of the files of an ended run."""
         sha256, status = dict(self._earlier), {"schema": SCHEMA, "state": state, "started": self._started}
         if state != "running":
             sha256 |= self._written
-            status |= {"finished": _now()} | {key: value for key, value in more.items() if value}
+            status |= {"finished": _timestamp()} | {key: value for key, value in more.items() if value}
         self.write(STATUS, as_json(status | {"sha256": sha256}))
 
 
@@ -217,14 +211,14 @@ def as_bytes(content: Content) -> bytes:
     return content.encode() if isinstance(content, str) else content
 
 
-def _own_code(own: Own) -> dict[str, Any]:
+def _user_code(own: Own) -> dict[str, Any]:
     """What `provenance.json` says of the user's files; nothing if there are none."""
     copies = {str(file): {"copy": one.copy, "sha256": one.sha256} for file, one in (own or {}).items()}
     return {"own_code": copies} if copies else {}
 
 
 @contextmanager
-def _one_message(path: Path) -> Iterator[None]:
+def _convert_folder_errors(path: Path) -> Iterator[None]:
     """Say in one message that a folder cannot be written to, or that another process works in it."""
     try:
         yield
@@ -268,11 +262,11 @@ def set_aside(entry: Path, study: Path, why: str) -> None:
     say(f"{entry} {why}; nothing in it was deleted, it is now {place}")
 
 
-def check_folder_of_multirun(path: Path) -> None:
+def check_multirun_folder(path: Path) -> None:
     """Refuse a folder for a multirun that holds anything but runs and tables of an earlier one."""
-    if path.is_dir() and not of_multirun(path):
+    if path.is_dir() and not multirun_runs(path):
         _refuse_foreign(path)
 
 
-def _now() -> str:
+def _timestamp() -> str:
     return datetime.now(UTC).isoformat(timespec="milliseconds")

@@ -17,7 +17,7 @@ from epuckhebb.controller.genome import WEIGHTS, GenomePlan, Part, plan_of
 from epuckhebb.controller.network import PAPER_NETWORK, WEIGHT_LIMIT, Network
 from epuckhebb.controller.wiring import LAYERS, Wiring, recorded_wiring
 from epuckhebb.runtime import LATEST, REFERENCE, ConfigError, data_folder, path_of
-from epuckhebb.store.disk import CHAMPION, arrays_of, as_npz, one_error
+from epuckhebb.store.disk import CHAMPION, as_npz, convert_errors, parse_arrays
 from epuckhebb.store.run import Run
 from epuckhebb.tmaze.robot import EPUCK
 
@@ -179,13 +179,13 @@ def champion_file(genome: Genome, fitness: float, seed: int, generation: int) ->
 
 
 def wiring_arrays(network: Network) -> dict[str, Any]:
-    """What a file says of the wiring of a network, for `network_from`; nothing of layers."""
+    """What a file says of the wiring of a network, for `parse_network`; nothing of layers."""
     if network.wiring is None:
         return {}
     return {"wiring": np.str_(network.wiring.name), "joined": np.array(network.joined)}
 
 
-def network_from(arrays: Mapping[str, Any], default: tuple[int, ...] = PAPER_NETWORK.layers) -> Network:
+def parse_network(arrays: Mapping[str, Any], default: tuple[int, ...] = PAPER_NETWORK.layers) -> Network:
     """The network that a file is for. default: the layers, if the file does not say."""
     layers = tuple(arrays["layers"].tolist()) if "layers" in arrays else default
     rewarded = bool(arrays.get("rewarded", False))
@@ -195,12 +195,13 @@ def network_from(arrays: Mapping[str, Any], default: tuple[int, ...] = PAPER_NET
 
 
 def _read_genome(path: Path, name: str, shape: tuple[int, ...] | Wiring | None) -> Genome:
+    """Read a genome from a file, and check that it fits the shape of the network, if one is given."""
     layers = None if isinstance(shape, Wiring) else shape
-    with one_error(f"genome={path} cannot be used"):
-        arrays = arrays_of(Run(path.parent).content(path.name))
+    with convert_errors(f"genome={path} cannot be used"):
+        arrays = parse_arrays(Run(path.parent).content(path.name))
         if "genome" not in arrays and len(arrays) != 1:
             raise ValueError("it holds several arrays, none named `genome`")
-        network = network_from(arrays, layers or PAPER_NETWORK.layers)
+        network = parse_network(arrays, layers or PAPER_NETWORK.layers)
         if isinstance(shape, Wiring):  # it must join the same neurons as that of the file
             wired, own = Network((network.inputs, *shape.sizes), network.rewarded, shape), network.wiring
             is_like = own is not None and own.name == shape.name and wired.layers == network.layers

@@ -73,8 +73,8 @@ def functions_digest() -> str:
     return hashlib.sha256(struct.pack(f"<{len(values)}d", *values)).hexdigest()[:12]
 
 
-def say_if_elsewhere(path: Path, facts: Mapping[str, Any]) -> None:
-    """Say so if a run was begun where these functions give other digits. facts: its provenance."""
+def compare_machines(path: Path, facts: Mapping[str, Any]) -> None:
+    """Warn if a run was begun on a machine whose exp, tanh, sin or cos give other digits. facts: its provenance."""
     if facts.get("functions", functions_digest()) != functions_digest():
         where = f"{facts['platform']}, {facts['c_library']}"
         say(f"{path} was begun on {where}, whose exp, tanh, sin or cos have other last digits: results may differ.")

@@ -33,6 +33,7 @@ def as_csv(rows: Rows, *, header: bool = True) -> str:
 
 
 def _cells(values: Sequence[Any]) -> list[Any]:
+    """A column as cells of CSV: empty without a value; all with a fraction if one has it, or one is empty."""
     cells = ["" if value is None or (isinstance(value, float) and math.isnan(value)) else value for value in values]
     known = [value for value in cells if not isinstance(value, str)]
     is_whole = all(isinstance(value, Integral) and not isinstance(value, bool) for value in known)
@@ -40,7 +41,7 @@ def _cells(values: Sequence[Any]) -> list[Any]:
     return [float(value) if has_fraction and not isinstance(value, str) else value for value in cells]
 
 
-def rows_of(text: str) -> Rows:
+def parse_csv(text: str) -> Rows:
     """The rows of a table in CSV, None in cells without a value; whole numbers beside these are read as 3.0."""
     names, *lines = csv.reader(io.StringIO(text)) or [[]]
     columns = [_values(name, cells) for name, cells in zip(names, zip(*lines, strict=True), strict=False)]
@@ -48,6 +49,7 @@ def rows_of(text: str) -> Rows:
 
 
 def _values(name: str, cells: Sequence[str]) -> list[Any]:
+    """The values of a column of CSV: texts, whole numbers, other numbers, or truth values; None in empty cells."""
     known = [cell for cell in cells if cell]
     kind: Callable[[str], Any] = str
     if name not in TEXTS and known:

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 from epuckhebb.analysis.tables import Rows
 from epuckhebb.runtime import LATEST, ConfigError
 from epuckhebb.store import disk
-from epuckhebb.store.disk import CHECKPOINT, CONFIG, PROVENANCE, STATUS, bytes_of, json_of, sha256_of
+from epuckhebb.store.disk import CHECKPOINT, CONFIG, PROVENANCE, STATUS, hash_bytes, parse_json, read_bytes
 from epuckhebb.store.lock import is_locked
-from epuckhebb.store.rows import TEXTS, rows_of
+from epuckhebb.store.rows import TEXTS, parse_csv
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -40,7 +40,7 @@ class Run:
     def status(self) -> dict[str, Any]:
         """How the run goes, or ended; a run whose process is gone is interrupted."""
         self._check_files()
-        status = json_of(bytes_of(self.path / STATUS), self.path / STATUS, "state")
+        status = parse_json(read_bytes(self.path / STATUS), self.path / STATUS, "state")
         if status["state"] == "running" and not is_locked(self.path):
             status |= {"state": "interrupted", "error": "its process ended unexpectedly"}
         return status
@@ -58,28 +58,28 @@ class Run:
 
     def content(self, name: str) -> bytes:
         """The content of a file, which must be what the run wrote, as far as its status has its checksum."""
-        content = bytes_of(self.path / name)
-        if self._sha256.get(name, sha256_of(content)) != sha256_of(content):
+        content = read_bytes(self.path / name)
+        if self._sha256.get(name, hash_bytes(content)) != hash_bytes(content):
             raise ConfigError(f"{self.path / name} is not what this run wrote (its SHA-256 differs); put it back")
         return content
 
     def json(self, name: str, *needed: str) -> dict[str, Any]:
         """The values of a JSON file, which has the needed keys."""
-        return json_of(self.content(name), self.path / name, *needed)
+        return parse_json(self.content(name), self.path / name, *needed)
 
     def table(self, name: str) -> "pd.DataFrame":
         """A table, nan in cells without a value."""
         import pandas as pd  # takes a while to load
 
-        with disk.one_error(f"{self.path / name} cannot be read as a table"):
+        with disk.convert_errors(f"{self.path / name} cannot be read as a table"):
             content = io.BytesIO(self.content(name))
             texts = dict.fromkeys(TEXTS, str)
             return pd.read_csv(content, keep_default_na=False, na_values=[""], dtype=texts, low_memory=False)
 
     def rows(self, name: str) -> Rows:
         """The rows of a table, None in cells without a value."""
-        with disk.one_error(f"{self.path / name} cannot be read as a table"):
-            return rows_of(self.content(name).decode())
+        with disk.convert_errors(f"{self.path / name} cannot be read as a table"):
+            return parse_csv(self.content(name).decode())
 
     def has(self, name: str) -> bool:
         """Whether a file is there, or should be: then reading it says that it was lost."""
@@ -90,7 +90,7 @@ class Run:
         """Whether the run is finished and its results are as they were then: not cut, changed or lost."""
         results = {name: sha256 for name, sha256 in self._sha256.items() if name.endswith(_RESULTS)}
         with suppress(OSError):
-            whole = all(sha256_of((self.path / name).read_bytes()) == sha256 for name, sha256 in results.items())
+            whole = all(hash_bytes((self.path / name).read_bytes()) == sha256 for name, sha256 in results.items())
             return whole and self.recorded_status.get("state") == "finished"
         return False
 
@@ -121,26 +121,26 @@ class Run:
 def _json(file: Path) -> dict[str, Any]:
     """The content of a JSON file; nothing if it cannot be read."""
     with suppress(ConfigError):
-        return json_of(bytes_of(file), file)
+        return parse_json(read_bytes(file), file)
     return {}
 
 
-def when(status: Mapping[str, Any]) -> str:
+def _last_time(status: Mapping[str, Any]) -> str:
     """The time at which a run ended, or else began."""
     return str(status.get("finished", status.get("started", "")))
 
 
-def below_runs() -> list[Path]:
+def list_runs() -> list[Path]:
     """All folders below `runs/` in which this program has worked, the one that ended, or else began, last at the end.
 
     Runs of a multirun come one by one, the jobs of a sweep or a reproduction only as a whole.
     """
     found = [status for pattern in ("*/*", "*/*_multirun/*") for status in Path("runs").glob(f"{pattern}/{STATUS}")]
     known = {status.parent: _json(status) for status in found}  # the times of files change when they are copied
-    return sorted(known, key=lambda run: (when(known[run]), run))
+    return sorted(known, key=lambda run: (_last_time(known[run]), run))
 
 
-def of_multirun(path: Path) -> list[Path]:
+def multirun_runs(path: Path) -> list[Path]:
     """The runs in the folder of a multirun, in the order of its jobs; none if it is the folder of something else."""
     if (path / STATUS).exists():
         return []
@@ -152,7 +152,7 @@ def resolve_run(what: str | Path, *commands: str) -> Path:
     """The folder of a run that a user names; for `latest` the newest run of these commands (none: of any)."""
     if str(what) != LATEST:
         return Path(what)
-    of_commands = [path for path in below_runs() if not commands or path.relative_to("runs").parts[0] in commands]
+    of_commands = [path for path in list_runs() if not commands or path.relative_to("runs").parts[0] in commands]
     if not of_commands:
         whose = f" of `epuckhebb {'` or `epuckhebb '.join(commands)}`" if commands else ""
         raise ConfigError(f"{LATEST}: there is no run{whose} in {Path('runs').absolute()} yet; give a run folder")

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.controller.network import Network
-from epuckhebb.store.disk import TRACES, arrays_of, one_error
-from epuckhebb.store.genome import network_from, wiring_arrays
+from epuckhebb.store.disk import TRACES, convert_errors, parse_arrays
+from epuckhebb.store.genome import parse_network, wiring_arrays
 from epuckhebb.store.run import Run
 from epuckhebb.tmaze.samples import Samples, empty_samples
 
@@ -23,11 +23,11 @@ def traces_arrays(traces: Traces, weights: NDArray[np.float64], network: Network
 
 def read_traces(run: Run) -> tuple[Traces, NDArray[np.float64], Network]:
     """Read the recorded lifetimes of a run folder, and the weights and the network that they began with."""
-    with one_error(f"{run.path / TRACES} cannot be read (the run is {run.status['state']})"):
+    with convert_errors(f"{run.path / TRACES} cannot be read (the run is {run.status['state']})"):
         if not (run.path / TRACES).is_file():
             raise ValueError("there is no such file")
-        arrays = arrays_of(run.content(TRACES))
-        network = network_from(arrays)
+        arrays = parse_arrays(run.content(TRACES))
+        network = parse_network(arrays)
         shape = arrays["time"].shape
         samples = {
             name: arrays[name] if name in arrays else np.zeros((*shape, *empty.shape[1:]))

@@ -18,16 +18,7 @@ from numpy.typing import NDArray
 from epuckhebb.analysis import leaderboard as board
 from epuckhebb.analysis import reproduction
 from epuckhebb.analysis.tables import Rows
-from epuckhebb.config import (
-    EvaluateConfig,
-    EvolveConfig,
-    OwnFile,
-    Plain,
-    dump,
-    from_values,
-    load,
-    own_files,
-)
+from epuckhebb.config import EvaluateConfig, EvolveConfig, OwnFile, Plain, dump, from_values, load, own_files
 from epuckhebb.runs import (
     PreparedEvaluation,
     earlier_champions,
@@ -47,7 +38,7 @@ class ChampionStudy(Study):
     """A study whose jobs evolve champions, or test them."""
 
     @classmethod
-    def name_of(cls, job: Plain) -> str:
+    def run_name(cls, job: Plain) -> str:
         """The name of the run of a job, which follows from all that its results depend on."""
         worlds, config_dir = tuple(job.get("worlds", ())), job.get("config_dir")
         depends = {key: value for key, value in job.items() if key != "config_dir"}
@@ -56,7 +47,7 @@ class ChampionStudy(Study):
         return job_name("test" if worlds else "champion", depends)
 
     @property
-    def own(self) -> Mapping[Path, OwnFile]:
+    def user_files(self) -> Mapping[Path, OwnFile]:
         """The user's files on which the study depends."""
         jobs = (job for _, stage in self.stages() for job in stage)
         return {file: own for job in jobs for file, own in own_files(job.config["config"]).items()}
@@ -78,7 +69,7 @@ class ChampionStudy(Study):
         evolve_into(path, prepared, job["overrides"], facts, threads=threads, is_many=True)
 
 
-def job_of(overrides: list[str], config: Plain, *, champion: str = "", purpose: str = "", **more: Any) -> Job:
+def make_job(overrides: list[str], config: Plain, *, champion: str = "", purpose: str = "", **more: Any) -> Job:
     """A job that evolves a champion or, if it is given `worlds`, tests one.
 
     champion: the run of the champion that it tests, or whose weights it is given; "" for the genome of `config`. more:
@@ -87,18 +78,18 @@ def job_of(overrides: list[str], config: Plain, *, champion: str = "", purpose: 
     evolution after which its champions are tested, too.
     """
     job = {"config": config, "champion": champion, **more}
-    return Job(number=0, overrides=overrides, run=ChampionStudy.name_of(job), config=job, purpose=purpose)
+    return Job(number=0, overrides=overrides, run=ChampionStudy.run_name(job), config=job, purpose=purpose)
 
 
 @functools.cache
-def evaluation_named(name: str, config_dir: str | None) -> EvaluateConfig:
+def world_evaluation(name: str, config_dir: str | None) -> EvaluateConfig:
     """An evaluation of genes in a world: the name of a scenario, and of changes, with + between them."""
     scenario, *changes = name.split("+")
-    return evaluation_in(scenario, (f"change={changes}", "hebbian=none"), config_dir)
+    return scenario_evaluation(scenario, (f"change={changes}", "hebbian=none"), config_dir)
 
 
 @functools.cache
-def evaluation_in(
+def scenario_evaluation(
     scenario: str, words: tuple[str, ...] = ("hebbian=none",), config_dir: str | None = None
 ) -> EvaluateConfig:
     """An evaluation that records nothing, of the genes alone unless the words add plasticity."""
@@ -108,10 +99,10 @@ def evaluation_in(
 @functools.cache
 def worlds_digest(worlds: tuple[str, ...], config_dir: str | None) -> str:
     """A digest of worlds: equal for equal worlds."""
-    return digest({name: repr(evaluation_named(name, config_dir).world) for name in worlds})
+    return digest({name: repr(world_evaluation(name, config_dir).world) for name in worlds})
 
 
-def in_world_of(prepared: PreparedEvaluation, other: EvaluateConfig) -> PreparedEvaluation:
+def move_world(prepared: PreparedEvaluation, other: EvaluateConfig) -> PreparedEvaluation:
     """An evaluation in the world of another one of its experiment, for as long as lifetimes last there.
 
     The physics is that of the world if a change brings it, as `3d` does.
@@ -142,7 +133,7 @@ def _test(path: Path, config: EvaluateConfig, job: Plain, overrides: list[str], 
             rows: Rows = []
             champion = replace(prepared, genome=replace(prepared.genome, genes=genes))
             for name in job["worlds"]:
-                there = in_world_of(champion, evaluation_named(name, job.get("config_dir")))
+                there = move_world(champion, world_evaluation(name, job.get("config_dir")))
                 rows += there.run(threads)[0]
             return pd.DataFrame(rows)
 
@@ -153,5 +144,7 @@ def _test(path: Path, config: EvaluateConfig, job: Plain, overrides: list[str], 
         if "course" in job:
             training_world, *_ = job["worlds"]
             evolution = earlier_champions(path.parents[1] / job["champion"], job["course"])
-            course = [{"robot_steps": n, **board.of_champion(tested(one), training_world)[0]} for n, one in evolution]
+            course = [
+                {"robot_steps": n, **board.champion_counts(tested(one), training_world)[0]} for n, one in evolution
+            ]
             run.write("course.csv", pd.DataFrame(course)[["robot_steps", "trials", "successes"]])

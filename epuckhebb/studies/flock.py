@@ -65,7 +65,7 @@ class Condition(NamedTuple):
 
 @dataclass(kw_only=True)
 class Sweep:
-    """Values of a sweep; see `conf/flocks.yaml`."""
+    """The sweep of a study of flocks: values of each setting, one at a time or two together, and flocks of each."""
 
     loudness: list[float] = field(default_factory=list)
     knowers: list[int] = field(default_factory=list)
@@ -89,7 +89,7 @@ class FlockKeys(Flock):
     sweep: Sweep = field(default_factory=Sweep)
 
     def __post_init__(self) -> None:
-        """Nothing: each flock of the study is checked."""
+        """Check nothing here: each flock of the study is checked."""
 
 
 @register
@@ -111,13 +111,13 @@ class FlockStudy(Study):
 
     @property
     def label(self) -> str:
-        """The first part of the name of its folder."""
+        """The first part of the name of the study's folder."""
         return f"{self.flock.coupling.rpartition(':')[2]}_seed{self.seed}"
 
     def plan(self) -> Sequence[Plain]:
         """The jobs: one for each condition, which is a study of its own, so other conditions leave it as it is."""
         smoke_test = replace(self.conditions[0].flocks[0], at_s=6.4, duration_s=19.2)  # its coupling changes once
-        first, again = (_run_all([(row, smoke_test, self.seed) for row in self.rows], 1) for _ in range(2))
+        first, again = (_run_flocks([(row, smoke_test, self.seed) for row in self.rows], 1) for _ in range(2))
         if any(one.weights.tobytes() != other.weights.tobytes() for one, other in zip(first, again, strict=True)):
             raise ConfigError(f"flock.coupling={self.flock.coupling} gives other results with the same seed")
         jobs = []
@@ -137,11 +137,11 @@ class FlockStudy(Study):
         rows, minutes, pairs = [], [], []
         for flock, row in product(condition.flocks, study.rows):
             here = {"breaks": flock.breaks, "coupling": row.name}
-            records = _run_all([(row, flock, seed) for seed in seeds], threads)
+            records = _run_flocks([(row, flock, seed) for seed in seeds], threads)
             pairs.append(tables.couplings(flock, records).assign(**here))
             for seed, record in zip(seeds, records, strict=True):
-                rows.append({**condition.settings, **here, "seed": seed, **tables.metrics_of(flock, record)})
-                for minute, cosine in enumerate(tables.by_minute(flock, record)):
+                rows.append({**condition.settings, **here, "seed": seed, **tables.run_metrics(flock, record)})
+                for minute, cosine in enumerate(tables.minute_cosines(flock, record)):
                     minutes.append({**here, "seed": seed, "minute": minute + 0.5, "cosine": cosine})
         return {"runs": pd.DataFrame(rows), "minutes": pd.DataFrame(minutes), "couplings": pd.concat(pairs)}
 
@@ -166,7 +166,7 @@ class FlockStudy(Study):
     def first_flock(self) -> tuple[Flock, dict[str, Record]]:
         """The first flock of the usual condition, with the last kind of break, run with each coupling but controls."""
         first, rows = self.conditions[0].flocks[-1], [row for row in self.rows if not row.name.endswith(_NOT_SHOWN)]
-        records = _run_all([(row, first, self.seed) for row in rows], thread_count(self.threads))
+        records = _run_flocks([(row, first, self.seed) for row in rows], thread_count(self.threads))
         return first, {row.name: record for row, record in zip(rows, records, strict=True)}
 
     def page(self, run: Run, captions: Mapping[str, str]) -> str:
@@ -200,7 +200,7 @@ def replay_page(path: Path) -> str:
     flock, records = study.first_flock()
     for name, record in records.items():
         row = done[(done.coupling == name) & (done.breaks == flock.breaks) & (done.seed == study.seed)].iloc[0]
-        if tables.metrics_of(flock, record)["long_after"] != row.long_after:
+        if tables.run_metrics(flock, record)["long_after"] != row.long_after:
             raise ConfigError(f"{path} was made by another version of the program, or of its coupling; run it again")
     return replay.page(flock, records, f"{path.name}: seed {study.seed}")
 
@@ -212,6 +212,7 @@ def first_page() -> str:
 
 
 def _rows(keys: FlockKeys) -> list[Row]:
+    """The rows of the tables: frozen couplings, those of the settings with their controls, the oracle."""
     rows = [Row(FROZEN, Frozen())]
     for where in _ROWS if keys.coupling == ALL else (keys.coupling,):
         name = where.rpartition(":")[2]
@@ -243,13 +244,15 @@ def _conditions(keys: FlockKeys, repeats: int) -> list[Condition]:
     ]
 
 
-def _run_all(tasks: Sequence[tuple[Row, Flock, int]], threads: int) -> list[Record]:
-    def one(task: tuple[Row, Flock, int]) -> Record:
+def _run_flocks(tasks: Sequence[tuple[Row, Flock, int]], threads: int) -> list[Record]:
+    """Run flocks in threads; returns their records in the order of the tasks."""
+
+    def run_task(task: tuple[Row, Flock, int]) -> Record:
         row, flock, seed = task
         return run(flock, row.coupling, seed, other=row.other)
 
     try:
         with ThreadPoolExecutor(threads) as pool:
-            return list(pool.map(one, tasks))
+            return list(pool.map(run_task, tasks))
     except PartError as error:
         raise ConfigError(f"flock.coupling: {error}") from error

@@ -40,10 +40,8 @@ class Job:
     @property
     def settings(self) -> dict[str, str]:
         """The settings of this job on which results may depend, by key."""
-        plain = (
-            override.replace("\\:", ":") for override in self.overrides
-        )  # as typed; Hydra's sweeper escapes colons
-        pairs = (override.lstrip("+").partition("=") for override in plain)
+        # As they were typed: Hydra's sweeper escapes colons.
+        pairs = (override.replace("\\:", ":").lstrip("+").partition("=") for override in self.overrides)
         return {key: value for key, _, value in pairs if key not in ("experiment", *conf.NO_EFFECT)}
 
 
@@ -111,13 +109,11 @@ def launch(study: RunFolder, name: str, jobs: Sequence[Job], launcher: list[str]
     tasks = Jobs(plan, says_counts=False)  # only what is missing
     if missing:
         place = f"{SWEEP_DIR}{quoted(str(folder.absolute()))}"  # a worker may have been started elsewhere
-        hydra.call(
-            "study", do, [f"job={','.join(job.run for job in missing)}", *launcher, place, "--multirun"], jobs=tasks
-        )
+        names = f"job={','.join(job.run for job in missing)}"
+        hydra.call("study", do, [names, *launcher, place, "--multirun"], jobs=tasks)
     reasons = {task.result.name: reason for task, reason in tasks.failures}
     with suppress(OSError):
         (folder / UNFINISHED).rmdir()  # unless something is left in it
+    done = [job for job in jobs if job.run not in reasons]
     failures = [(job, reasons[job.run]) for job in missing if job.run in reasons]
-    return Outcome(
-        done=[job for job in jobs if job.run not in reasons], before=len(jobs) - len(missing), failures=failures
-    )
+    return Outcome(done=done, before=len(jobs) - len(missing), failures=failures)

@@ -34,9 +34,9 @@ from epuckhebb.controller.ranges import within
 from epuckhebb.runs import compile_for, prepare_evolution
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Run, fingerprint
-from epuckhebb.studies.champions import ChampionStudy, evaluation_in, evaluation_named, job_of, worlds_digest
+from epuckhebb.studies.champions import ChampionStudy, make_job, scenario_evaluation, world_evaluation, worlds_digest
 from epuckhebb.studies.jobs import Job, split
-from epuckhebb.studies.methods import ALL, Method, in_reversal, methods_named
+from epuckhebb.studies.methods import ALL, Method, find_methods, reversal_methods
 from epuckhebb.studies.study import Planned, prepare
 from epuckhebb.tmaze.individual import GA_ALONE
 from epuckhebb.tmaze.scenario import TRAINED, Scenario
@@ -96,7 +96,7 @@ class Leaderboard(ChampionStudy):
     @functools.cached_property
     def worlds(self) -> dict[str, dict[str, Scenario]]:
         """The test worlds of each experiment, by name; reversal learning has none but its own world."""
-        every = tests_of(self.tests, self.config_dir)
+        every = experiment_worlds(self.tests, self.config_dir)
         worlds = {one: every.get(one, {}) for one in self.experiments}
         for one, own in worlds.items():
             if not own and one != REVERSAL:
@@ -106,11 +106,11 @@ class Leaderboard(ChampionStudy):
     @functools.cached_property
     def entries(self) -> list[Entry]:
         """The methods in each experiment, with their jobs, each composed and checked."""
-        methods = methods_named(self.methods, self.config_dir)
+        methods = find_methods(self.methods, self.config_dir)
         entries: list[Entry] = []
         for experiment in self.worlds:
             here: dict[str, Entry] = {}
-            for method in in_reversal(methods) if experiment == REVERSAL else methods:
+            for method in reversal_methods(methods) if experiment == REVERSAL else methods:
                 try:
                     here[method.name] = _entry(self, experiment, method, here.get(method.champions_of))
                 except ConfigError as error:
@@ -127,8 +127,8 @@ class Leaderboard(ChampionStudy):
         return [(stage, list(jobs.values())) for stage, jobs in stages if jobs]
 
     def folder(self, jobs: Sequence[Job]) -> Path:  # noqa: ARG002  # other methods have the same folder
-        """Its folder, by its test worlds, seeds and repeats; other methods have the same one."""
-        tested = tuple(name for worlds in tests_of(self.tests, self.config_dir).values() for name in worlds)
+        """The folder of the study, named by its test worlds, seeds and repeats, whatever the methods."""
+        tested = tuple(name for worlds in experiment_worlds(self.tests, self.config_dir).values() for name in worlds)
         depends = [worlds_digest(tested, self.config_dir), self.first_seed, self.seed, self.repeats]
         depends += [self.reversal_repeats]
         return Path("runs") / "leaderboard" / f"seed{self.first_seed}_{fingerprint(depends)[:8]}"
@@ -149,9 +149,9 @@ class Leaderboard(ChampionStudy):
                 tested, task = Run(folder / test.run), entry.evolved.world.task
                 metrics = tested.table("metrics.csv")
                 counts, away = (
-                    board.of_learner(metrics, task)
+                    board.learner_counts(metrics, task)
                     if task.has_trials
-                    else board.of_champion(metrics, TRAINED[entry.row.experiment])
+                    else board.champion_counts(metrics, TRAINED[entry.row.experiment])
                 )
                 steps = sum(int(run.table("history.csv").robot_steps.sum()) for run in evolved)
                 names = {"seed": seed, "champion": evolutions[-1][seed].run, "test": test.run}
@@ -249,11 +249,11 @@ def _swept(name: str, config_dir: str | None) -> tuple[str, ...]:
     return tuple("+".join(itertools.chain(*names)) for names in itertools.product(*values))
 
 
-def tests_of(sweeps: Sequence[str], config_dir: str | None) -> dict[str, dict[str, Scenario]]:
+def experiment_worlds(sweeps: Sequence[str], config_dir: str | None) -> dict[str, dict[str, Scenario]]:
     """The test worlds of every experiment: those of these sweeps, without the training world."""
     tests: dict[str, dict[str, Scenario]] = {one: {} for one in TRAINED}
     for name in (name for sweep in sweeps for name in _swept(sweep, config_dir)):
-        world = evaluation_named(name, config_dir).world
+        world = world_evaluation(name, config_dir).world
         if name != TRAINED[world.experiment]:
             tests[world.experiment][name] = world
     return tests
@@ -272,7 +272,7 @@ def _entry(study: Leaderboard, experiment: str, method: Method, over: Entry | No
             raise ConfigError(f"its champions would be trained in {evolved.world.name}, a world of the tests")
         prepare_evolution(evolved, has_genome=False)
         jobs[_RULES if over else _CHAMPIONS] = {
-            seed: job_of(
+            seed: make_job(
                 [*typed_as(method.evolve), f"seed={seed}"],
                 {**evolved.values, "seed": seed},
                 champion=over.jobs[_CHAMPIONS][seed].run if over else "",
@@ -285,18 +285,18 @@ def _entry(study: Leaderboard, experiment: str, method: Method, over: Entry | No
         evolved = over.evolved
     task = {key: value for key, value in method.evolve.items() if key.startswith("task")}
     added = method.evaluate or {**task, "hebbian": "none"}
-    tested = dict(evaluation_in(training, tuple(typed_as(added)), study.config_dir).values)
+    tested = dict(scenario_evaluation(training, tuple(typed_as(added)), study.config_dir).values)
     tested |= {group: evolved.values[group] for group in (*_PARTS, *(["hebbian"] if method.evolve else []))}
     tested |= {"seed": study.seed, "repeats": study.reversal_repeats if experiment == REVERSAL else study.repeats}
     config = from_values(tested, EvaluateConfig, "its test")
     if own_files(tested):
         compile_for(config.controllers, config.network_made, config.world)
     kind = POST_HOC if method.evaluate else EVOLVED if config.controllers else PLAIN
-    if kind != PLAIN and not method.compared_with:
+    if kind != PLAIN and not method.comparison:
         raise ConfigError("matched_control is missing: name the method that is the same without plasticity")
     champions = jobs.get(_RULES) or jobs[_CHAMPIONS]
     jobs[_TESTS] = {
-        seed: job_of(
+        seed: make_job(
             [f"genome={champion.run}", *typed_as(method.evaluate)],
             tested,
             champion=champion.run,
@@ -312,7 +312,7 @@ def _entry(study: Leaderboard, experiment: str, method: Method, over: Entry | No
         experiment=experiment,
         method=method.name,
         kind=kind,
-        matched_control=method.compared_with,
+        matched_control=method.comparison,
         evolved_parameters=evolved.plan.genes,
         knowledge=", ".join(controller.knowledge),
         knowledge_class=controller.knowledge_class,

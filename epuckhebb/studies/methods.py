@@ -45,7 +45,7 @@ class Method:
     description: str = ""
 
     @property
-    def compared_with(self) -> str:
+    def comparison(self) -> str:
         """The method that it is compared with; empty if there is none."""
         return self.champions_of or self.matched_control
 
@@ -53,7 +53,7 @@ class Method:
 _KEYS = [key.name for key in fields(Method) if key.name not in ("name", "description")]
 
 
-def methods_named(names: Sequence[str], config_dir: str | None = None) -> list[Method]:
+def find_methods(names: Sequence[str], config_dir: str | None = None) -> list[Method]:
     """The methods of these names, each after the one that it is compared with.
 
     names: of methods, `FILE.py:NAME` for a rule, or `all`. config_dir: the user's folder, with methods in `method/`.
@@ -66,7 +66,7 @@ def methods_named(names: Sequence[str], config_dir: str | None = None) -> list[M
         if name in waiting:
             raise ConfigError(f"method {name}: {' is compared with '.join((*waiting, name))}; that leads nowhere")
         if ".py:" in name:
-            method = _of_rule(name)
+            method = _rule_method(name)
         elif name in files:
             method = _method(name, settings_in(files[name]), conf.first_comment(files[name]), str(files[name]))
         elif name in known:
@@ -74,8 +74,8 @@ def methods_named(names: Sequence[str], config_dir: str | None = None) -> list[M
         else:
             hint = did_you_mean(name, known)
             raise ConfigError(f"methods={name}: it must be one of {', '.join(known)}, or FILE.py:NAME{hint}")
-        if method.compared_with:
-            choose(method.compared_with, (*waiting, name))
+        if method.comparison:
+            choose(method.comparison, (*waiting, name))
         if chosen.setdefault(method.name, method) != method:
             raise ConfigError(f"methods={name}: another one has the name {method.name}, too; give your rule another")
 
@@ -87,12 +87,12 @@ def methods_named(names: Sequence[str], config_dir: str | None = None) -> list[M
     return list(chosen.values())
 
 
-def in_reversal(methods: Sequence[Method]) -> list[Method]:
+def reversal_methods(methods: Sequence[Method]) -> list[Method]:
     """These methods in reversal learning: their rule or network, evolved by the GA in its one world, or a rule added.
 
     Methods with the same are one here. Those with neither, and those with an adaptation, are left out.
     """
-    (plain,) = methods_named([_PLAIN])
+    (plain,) = find_methods([_PLAIN])
     found = [replace(plain, evolve={**REVERSAL_TASK, **REVERSAL_GA})]
     parts: list[tuple[object, ...]] = []
     for method in methods:
@@ -125,7 +125,7 @@ def _method(name: str, values: Mapping[str, Any], description: str, where: str) 
     return method
 
 
-def _of_rule(reference: str) -> Method:
+def _rule_method(reference: str) -> Method:
     """A rule of the user's: evolved with the weights if it has something to evolve, added to champions if not."""
     file, _, name = reference.rpartition(":")
     path = path_of(file, "methods").absolute()

@@ -20,7 +20,7 @@ from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.runs import prepare_evolution
 from epuckhebb.runtime import ConfigError, data_folder
 from epuckhebb.store import Genome, Run, load_genome
-from epuckhebb.studies.champions import ChampionStudy, evaluation_in, job_of
+from epuckhebb.studies.champions import ChampionStudy, make_job, scenario_evaluation
 from epuckhebb.studies.jobs import Job, split, todo
 from epuckhebb.studies.study import Planned, prepare
 from epuckhebb.tmaze.fitness import Signal
@@ -43,7 +43,7 @@ class LiveFitness(Enum):
     paper = "paper"
     as_coded = "as_coded"
 
-    def of(self, experiment: str) -> Signal:
+    def choose(self, experiment: str) -> Signal:
         """The signal of an experiment."""
         if self is LiveFitness.paper:
             return Signal.behaviour
@@ -78,12 +78,12 @@ class Reproduction(ChampionStudy):
 
     @property
     def label(self) -> str:
-        """The first part of the name of its folder."""
-        who = self.given.name if self.given else f"champions{self.champions}"
+        """The first part of the name of the study's folder."""
+        who = self.fixed_genome.name if self.fixed_genome else f"champions{self.champions}"
         return f"{self.experiments}_{who}_seed{self.first_seed}"
 
     @functools.cached_property
-    def given(self) -> Genome | None:
+    def fixed_genome(self) -> Genome | None:
         """The genome in place of champions; it must be for the paper's robot and network."""
         if self.genome is None:
             return None
@@ -99,20 +99,22 @@ class Reproduction(ChampionStudy):
         evolutions, tests = dict[tuple[str, str], Job](), dict[tuple[str, str], Job]()
         for experiment in EXPERIMENTS[self.experiments]:
             training, shared = TRAINED[experiment], {"threads": self.threads, "physics": self.physics}
-            testing = evaluation_in(training).values | {"seed": self.seed, "repeats": self.repeats} | shared
+            testing = scenario_evaluation(training).values | {"seed": self.seed, "repeats": self.repeats} | shared
             how: dict[str, Any] = {"worlds": reproduction.worlds(experiment), "experiment": experiment}
-            how |= {"rates": self.rates, "signal": self.signal.of(experiment).name}
-            if self.given:
-                facts = {"name": self.given.name, "sha256": self.given.sha256}
-                tests[experiment, self.given.name] = job_of([], testing | {"genome": self.genome}, **how, **facts)
+            how |= {"rates": self.rates, "signal": self.signal.choose(experiment).name}
+            if self.fixed_genome:
+                facts = {"name": self.fixed_genome.name, "sha256": self.fixed_genome.sha256}
+                tests[experiment, self.fixed_genome.name] = make_job(
+                    [], testing | {"genome": self.genome}, **how, **facts
+                )
                 continue
             evolving = load(EvolveConfig, [f"scenario={training}"]).values | {"ga": self.values["ga"]} | shared
             prepare_evolution(from_values(evolving, EvolveConfig, "reproduce"))
             for seed in range(self.first_seed, self.first_seed + self.champions):
                 name = f"{experiment}_seed{seed:03d}"
-                evolution = job_of([f"scenario={training}", f"seed={seed}"], evolving | {"seed": seed})
+                evolution = make_job([f"scenario={training}", f"seed={seed}"], evolving | {"seed": seed})
                 evolutions[experiment, name] = evolution
-                tests[experiment, name] = job_of(
+                tests[experiment, name] = make_job(
                     [f"genome={evolution.run}"], testing, champion=evolution.run, **how, name=name
                 )
         return {_EVOLVE: evolutions, _TEST: tests}
@@ -132,7 +134,7 @@ class Reproduction(ChampionStudy):
         """The paper's tables and ours over all champions, by name."""
         tests = runs[-len(self.jobs[_TEST]) :]
         metrics = pd.concat([run.table("metrics.csv") for run in tests], ignore_index=True)
-        return reproduction.tables_of(metrics, _paper())
+        return reproduction.make_tables(metrics, _paper())
 
     def figures(self, run: Run) -> dict[str, "Figure"]:
         """The paper's figures for our champions; those that are shown run again."""
@@ -140,8 +142,8 @@ class Reproduction(ChampionStudy):
             raise ConfigError(f"{run.path} was made by another version of the program; run it again")
         shown, histories = dict[str, Any](), dict[str, list[pd.DataFrame]]()
         for one, (best, *_) in _showcases(run).items():
-            if self.given:
-                shown[one] = best, self.given.genes
+            if self.fixed_genome:
+                shown[one] = best, self.fixed_genome.genes
                 continue
             own = {name: run.path / job.run for (where, name), job in self.jobs[_EVOLVE].items() if where == one}
             shown[one] = best, load_genome(str(own[best]), one).genes
@@ -151,26 +153,26 @@ class Reproduction(ChampionStudy):
             there = load(EvaluateConfig, [f"scenario={scenario}"])
             return replace(there.world, physics=part_from("physics", self.physics, "physics")), there.lifetime
 
-        signals = {one: self.signal.of(one) for one in shown}
+        signals = {one: self.signal.choose(one) for one in shown}
         names = ("doses", "rescue_over_all", "rescue_and_harm", "ends")
         tables = {name: run.table(f"{name}.csv") for name in names if run.has(f"{name}.csv")}
-        return reproduction.figures_of(tables, shown, signals, world, histories, self.seed)
+        return reproduction.make_figures(tables, shown, signals, world, histories, self.seed)
 
     def page(self, run: Run, captions: Mapping[str, str]) -> str:
         """The report: the paper's tables with ours beside them."""
         last = self.first_seed + self.champions - 1
         who = f"{self.champions} champions of each experiment, evolved from seeds {self.first_seed} to {last}"
-        if self.given:
-            who = f"genome {code(self.given.name)} (SHA-256 {self.given.sha256[:16]}…)"
+        if self.fixed_genome:
+            who = f"genome {code(self.fixed_genome.name)} (SHA-256 {self.fixed_genome.sha256[:16]}…)"
         names = ["claims", "success", "rescue_and_harm", "ends", "comparison"]
         return reproduction.markdown(
             {name: run.table(f"{name}.csv") for name in names},
             _paper(),
             _showcases(run),
             captions,
-            champions=1 if self.given else self.champions,
+            champions=1 if self.fixed_genome else self.champions,
             repeats=self.repeats,
-            given=self.given is not None,
+            is_fixed=self.fixed_genome is not None,
             provenance=f"Made by `epuckhebb reproduce`: {who}; {self.repeats} repeats of every condition "
             f"(seed {self.seed}); live fitness: {self.signal.value}; physics: {self.physics['kind']}.",
         )

@@ -34,15 +34,7 @@ from epuckhebb.runs import hydra
 from epuckhebb.runs.jobs import failure_text
 from epuckhebb.runtime import ConfigError, JobFailedError, conf, path_of, refusing, say
 from epuckhebb.store import STATUS, Run, RunFolder, as_json, digest, fingerprint, write_atomic
-from epuckhebb.studies.jobs import (
-    JOBS,
-    LIST,
-    Job,
-    Outcome,
-    launch,
-    split,
-    todo,
-)
+from epuckhebb.studies.jobs import JOBS, LIST, Job, Outcome, launch, split, todo
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -110,7 +102,7 @@ class Study(Checked):
         return from_values(settings(run.config_file), cls, str(run.path))
 
     @property
-    def own(self) -> Mapping[Path, OwnFile]:
+    def user_files(self) -> Mapping[Path, OwnFile]:
         """The user's files on which the study depends."""
         return own_files({**self.values, "study": self.reference})
 
@@ -121,13 +113,13 @@ class Study(Checked):
         if not plan:
             raise ConfigError(f"{self.label}: the plan has no job")
         jobs = [
-            Job(number=number, overrides=typed_as(job), run=self.name_of(job), config=job)
+            Job(number=number, overrides=typed_as(job), run=self.run_name(job), config=job)
             for number, job in enumerate(plan)
         ]
         return [("run", jobs)]
 
     @classmethod
-    def name_of(cls, job: Plain) -> str:
+    def run_name(cls, job: Plain) -> str:
         """The name of the run of a job, which follows from all that its results depend on."""
         return job_name("job", {"config": job, "study": cls.reference})
 
@@ -148,20 +140,20 @@ class Study(Checked):
 
     @property
     def label(self) -> str:
-        """The first part of the name of its folder."""
+        """The first part of the name of the study's folder."""
         return type(self).__name__
 
     @property
     def config_text(self) -> str | None:
-        """Its settings as YAML; None if each job has its own."""
+        """The settings of the study as YAML; None if each job has its own."""
         return dump(self)
 
     def report(self, folder: RunFolder, planned: "Planned", outcome: Outcome) -> None:  # noqa: ARG002  # others need it
         """Write the tables, the figures and the page over all runs."""
         for name, table in self.tables([Run(folder.path / job.run) for job in planned.jobs]).items():
             folder.write(f"{_checked(name)}.csv", table)
-        from epuckhebb.analysis import report
         from epuckhebb.analysis.image import image, small  # matplotlib takes a while to load
+        from epuckhebb.analysis.page import study_page
 
         run = Run(folder.path)
         figures = {f"{_checked(name)}.png": figure for name, figure in self.figures(run).items()}
@@ -172,7 +164,7 @@ class Study(Checked):
         text = self.page(run, captions)
         folder.write("report.md", text)
         title = text.partition("\n")[0].removeprefix("# ")
-        folder.write("report.html", report.html(text, pictures.__getitem__, f"epuckhebb: {title}"))
+        folder.write("report.html", study_page(text, pictures.__getitem__, f"epuckhebb: {title}"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -197,7 +189,7 @@ class Planned:
 
 
 def prepare(study: Study, of_hydra: Sequence[str], arguments: list[str]) -> Planned:
-    """List the jobs of a study; nothing is written. of_hydra: overrides of Hydra's own. arguments: as of `Planned`."""
+    """List the jobs of a study; nothing is written. of_hydra: Hydra's overrides. arguments: after the command."""
     stages = study.stages()
     jobs = [job for _, of_stage in stages for job in of_stage]
     folders = [value_of(argument) for argument in of_hydra if argument.startswith(SWEEP_DIR)]
@@ -208,10 +200,10 @@ def prepare(study: Study, of_hydra: Sequence[str], arguments: list[str]) -> Plan
     return Planned(study=study, stages=stages, folder=folder, launcher=launcher, arguments=arguments)
 
 
-def plan_own(reference: str, arguments: list[str]) -> Planned:
+def plan_user_study(reference: str, arguments: list[str]) -> Planned:
     """Plan a study of the user's. reference: FILE.py:NAME. arguments: overrides, of the study and of Hydra."""
     own, of_hydra = split("sweep", arguments)
-    study = from_values(values_of(own), _own_study(reference), f"sweep {reference}")
+    study = from_values(values_of(own), _user_study(reference), f"sweep {reference}")
     try:
         return prepare(study, of_hydra, [reference, *arguments])
     except ConfigError:
@@ -228,7 +220,7 @@ def conduct(planned: Planned) -> Outcome:
     """
     study, jobs = planned.study, planned.jobs
     facts = {"seed": study.seed} if hasattr(study, "seed") else {}
-    own, arguments = study.own, planned.arguments
+    own, arguments = study.user_files, planned.arguments
     with RunFolder.resume(planned.folder, study.command, study.config_text, arguments, facts, own) as folder:
         folder.left_behind = lambda: (
             f"{len(jobs) - len(todo(folder.path, jobs))} of {len(jobs)} jobs are done; the same command does the rest"
@@ -247,7 +239,7 @@ def conduct(planned: Planned) -> Outcome:
 def study_job(cfg: Any) -> None:
     """Do one job of a study, in the process that the launcher gives it.
 
-    cfg: what Hydra knows of the job: its name. The study's `name_of` must still give this name. Its `work` gets a
+    cfg: what Hydra knows of the job: its name. The study's `run_name` must still give this name. Its `work` gets a
     folder, which is renamed afterwards, and facts for `provenance.json`.
     """
     attempt = hydra.output_folder()
@@ -260,10 +252,11 @@ def study_job(cfg: Any) -> None:
 
 
 def _do_job(attempt: Path, run: str) -> None:
+    """Do a job in the folder of an attempt, and rename this into its place among the results."""
     folder = attempt.parents[1]
     listed = Run(folder).json(LIST)
-    study, job = study_named(listed["name"]), Run(folder).json(f"{JOBS}/{run}.json")
-    if study.name_of(job["config"]) != run:
+    study, job = find_study(listed["name"]), Run(folder).json(f"{JOBS}/{run}.json")
+    if study.run_name(job["config"]) != run:
         raise JobFailedError(f"{run}: the genome or the program has changed since the study began")
     study.work(attempt, job, {"command_line": listed["command_line"], "sweep": listed["name"]})
     try:
@@ -274,10 +267,10 @@ def _do_job(attempt: Path, run: str) -> None:
         shutil.rmtree(attempt)
 
 
-def study_named(reference: str) -> type[Study]:
+def find_study(reference: str) -> type[Study]:
     """The class of a study by its command, or by FILE.py:NAME."""
     if ":" in reference:
-        return _own_study(reference)
+        return _user_study(reference)
     module = importlib.import_module(f"epuckhebb.studies.{reference}")
     kinds = (kind for kind in vars(module).values() if isinstance(kind, type) and issubclass(kind, Study))
     return next(kind for kind in kinds if kind.__module__ == module.__name__ and kind.reference == reference)
@@ -294,7 +287,8 @@ def job_name(kind: str, depends: Plain) -> str:
     return f"{kind}_{fingerprint(depends, own=[file.digest for file in own.values()])}"
 
 
-def _own_study(reference: str) -> type[Study]:
+def _user_study(reference: str) -> type[Study]:
+    """The class of a user's study, FILE.py:NAME; it must have `plan` and `do`."""
     file, _, name = reference.rpartition(":")
     path = path_of(file, "sweep").absolute()
     kind = class_named(f"{path}:{name}", Study, "sweep")
@@ -306,7 +300,7 @@ def _own_study(reference: str) -> type[Study]:
 
 
 def _checked(name: str) -> str:
-    """The name of a table or a figure, which is the name of a file in the folder and nothing else."""
+    """Refuse a name of a table or a figure that is no name of a file, for example one with a slash; returns it."""
     if not re.fullmatch(r"\w[\w.-]*", name):
         raise ConfigError(
             f"a table or a figure of a study is called {name!r}; give a name of letters, digits, . - and _"

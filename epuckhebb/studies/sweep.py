@@ -16,7 +16,7 @@ import pandas as pd
 
 from epuckhebb.analysis import ends, environments, evolutions, summary
 from epuckhebb.analysis.lifetimes import Evaluated, Gathered, gather
-from epuckhebb.analysis.statistics import intervals_over
+from epuckhebb.analysis.statistics import interval_title
 from epuckhebb.analysis.tables import Table
 from epuckhebb.config import (
     OwnFile,
@@ -43,7 +43,7 @@ from epuckhebb.store import (
     digest,
     fingerprint,
     load_genome,
-    of_multirun,
+    multirun_runs,
     write_atomic,
 )
 from epuckhebb.studies.jobs import Job, Outcome, split
@@ -68,9 +68,9 @@ class Sweep(Study):
         self.name, self.jobs = name, jobs
 
     @classmethod
-    def name_of(cls, job: Plain) -> str:
+    def run_name(cls, job: Plain) -> str:
         """The name of the run of a job, which follows from all that its results depend on."""
-        return Identities().of(job)
+        return Identities().name(job)
 
     @classmethod
     def work(cls, path: Path, job: Plain, facts: dict[str, Any]) -> None:
@@ -84,16 +84,16 @@ class Sweep(Study):
         return cls("", [])
 
     @property
-    def own(self) -> Mapping[Path, OwnFile]:
+    def user_files(self) -> Mapping[Path, OwnFile]:
         """No file of the user's: each job has its own."""
         return {}
 
     def stages(self) -> list[tuple[str, list[Job]]]:
-        """Its evaluations, all at once."""
+        """The evaluations of the sweep, in one stage."""
         return [(f"sweep {self.name}", self.jobs)]
 
     def folder(self, jobs: Sequence[Job]) -> Path:
-        """Its folder, by its jobs: the same jobs, the same folder."""
+        """The folder of the sweep, named by its jobs."""
         settings = digest([digest(conf.without(job.config, conf.NO_EFFECT)) for job in jobs])
         return Path("runs") / "sweep" / f"{self.name}_{settings[:8]}"
 
@@ -103,7 +103,7 @@ class Sweep(Study):
         folder.write("failed.csv", pd.DataFrame(failed, columns=list(failed[0]) if failed else ["job", "run", "error"]))
         gathered = gather([_evaluated(folder.path / job.run, job.settings, _place(job)) for job in outcome.done])
         folder.write("sweep.csv", gathered.rows)
-        _write_over_all(folder.path, folder.write, gathered)
+        _write_tables(folder.path, folder.write, gathered)
         folder.failure = planned.failure(outcome)
 
     def figures(self, run: Run) -> dict[str, "Figure"]:
@@ -118,7 +118,7 @@ class Sweep(Study):
             effects = [environments.readable_effects(run.table("effects.csv"))] if run.has("effects.csv") else []
             is_over_champions = (own.champions > 1).any()
             what, counts = ("champions", own.champions) if is_over_champions else ("lifetimes", own.lifetimes)
-            return [environments.readable(own, f"Means, {intervals_over(what, counts.tolist())}"), *effects]
+            return [environments.readable(own, f"Means, {interval_title(what, counts.tolist())}"), *effects]
         if "best_fitness" in own:
             return [evolutions.readable(own)]
         return summary.readable({name: run.table(file) for name, file in files.items() if run.has(file)})
@@ -141,7 +141,7 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Plan
     listed: dict[str, Job] = {}
     identities = Identities()
     for overrides, config in configurations(command, named, itertools.product(*choices.values()), config_dir):
-        run = identities.of(config)
+        run = identities.name(config)
         listed.setdefault(run, Job(number=len(listed), overrides=[*named, *overrides], run=run, config=config))
     typed = [name, *arguments, *(["--config-dir", config_dir] if config_dir else [])]
     return prepare(Sweep(name, list(listed.values())), of_hydra, typed)
@@ -155,7 +155,7 @@ class Identities:
         self._genomes: dict[tuple[str, str], Genome] = {}
         self._load_genome = functools.cache(load_genome)
 
-    def of(self, config: Plain) -> str:
+    def name(self, config: Plain) -> str:
         """The name of the run of a configuration, from all that its results depend on at this moment."""
         schema = schema_of("evaluate", config)
         try:
@@ -173,12 +173,12 @@ class Identities:
         return f"job_{fingerprint(conf.without(config, conf.NO_EFFECT), self._genomes[key], own_sources(config))}"
 
 
-def write_summary_of_multirun(folder: Path) -> None:
+def summarise_multirun(folder: Path) -> None:
     """Write the tables and figures over all finished runs of a multirun of `evaluate`, or of `evolve`, into its folder.
 
     What is left out is said.
     """
-    runs = of_multirun(folder)
+    runs = multirun_runs(folder)
     for path in runs:
         if reason := Run(path).unfinished:
             say(f"Not counted: {reason}")
@@ -196,7 +196,7 @@ def write_summary_of_multirun(folder: Path) -> None:
         write("summary.csv", evolutions.summary(ways))
         _draw(folder, write)
     else:
-        _write_over_all(folder, write, gather([_evaluated(path, _settings(path), {}) for path in finished]))
+        _write_tables(folder, write, gather([_evaluated(path, _settings(path), {}) for path in finished]))
 
 
 def _settings(path: Path) -> dict[str, str]:
@@ -230,7 +230,7 @@ def figures(run: Run) -> dict[str, "Figure"]:
     """The figures of the tables over all runs in a folder of a sweep or a multirun."""
     from epuckhebb.analysis import charts, end_charts  # matplotlib takes a while to load
 
-    if (runs := _finished(of_multirun(run.path))) and Run(runs[0]).has(_HISTORY):
+    if (runs := _finished(multirun_runs(run.path))) and Run(runs[0]).has(_HISTORY):
         ways = _ways(runs)
         named = {", ".join(value.rpartition(":")[2] for value in way.values()): own for way, own in ways}
         return {"learning": charts.learning_curves(named, ", ".join(ways[0][0]))}
@@ -246,7 +246,7 @@ def figures(run: Run) -> dict[str, "Figure"]:
     return {name: draw(run.table(file)) for name, (file, draw) in drawn.items() if run.has(file)}
 
 
-def _write_over_all(folder: Path, write: Callable[[str, Content], None], gathered: Gathered) -> None:
+def _write_tables(folder: Path, write: Callable[[str, Content], None], gathered: Gathered) -> None:
     """Write the tables, the page and the figures over all lifetimes."""
     rows, settings = gathered.rows, gathered.settings
     if "environment" in rows:
@@ -257,7 +257,7 @@ def _write_over_all(folder: Path, write: Callable[[str, Content], None], gathere
             write("summary.csv", tables["summary"])
             return
         if summary.has_champions(rows):
-            tables["over_champions"] = summary.over_champions(rows, settings)
+            tables["over_champions"] = summary.champion_means(rows, settings)
             if not summary.has_trials(rows):
                 tables |= ends.tables(rows, settings)
         if (doses := summary.dose_response(rows, settings)) is not None:

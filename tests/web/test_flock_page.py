@@ -6,7 +6,7 @@ from playwright.sync_api import expect
 from epuckhebb.flock.couplings.frozen import Frozen
 from epuckhebb.flock.couplings.transfer_entropy import TransferEntropy
 from epuckhebb.flock.plane import Flock, run
-from epuckhebb.flock.replay import page as page_of
+from epuckhebb.flock.replay import page as recording_page
 from epuckhebb.live.server import Play
 
 
@@ -14,7 +14,7 @@ from epuckhebb.live.server import Play
 def folder(tmp_path_factory):
     flock, there = Flock(duration_s=240.0, at_s=120.0, breaks="knower"), tmp_path_factory.mktemp("flock")
     records = {"frozen": run(flock, Frozen(), 1), "transfer_entropy": run(flock, TransferEntropy(), 1)}
-    (there / "replay.html").write_text(page_of(flock, records, "a test"), encoding="utf-8")
+    (there / "replay.html").write_text(recording_page(flock, records, "a test"), encoding="utf-8")
     return there
 
 

@@ -2,13 +2,13 @@
 
 from pathlib import Path
 
-from epuckhebb.analysis import report
+from epuckhebb.analysis.page import study_page
 
 REFERENCE = Path(__file__).parents[2] / "runs" / "reference"
 
 
 def test_nothing_is_blocked_and_numbers_end_at_the_right(visit, tmp_path):
-    page = report.html((REFERENCE / "report.md").read_text(), lambda name: (REFERENCE / "figures" / name).read_bytes())
+    page = study_page((REFERENCE / "report.md").read_text(), lambda name: (REFERENCE / "figures" / name).read_bytes())
     (tmp_path / "report.html").write_text(page, encoding="utf-8")
     shown = visit(tmp_path, moment="", name="report.html")
     aligned = "cell => getComputedStyle(cell).textAlign"

@@ -1,1 +1,1 @@
-"""The signals of change, one file each; see `epuckhebb.adaptation.change_signal`."""
+"""Signals of change, one file each: a subclass of `epuckhebb.adaptation.change_signal.ChangeSignal`."""

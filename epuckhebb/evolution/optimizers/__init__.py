@@ -1,1 +1,1 @@
-"""How genomes are sought, one optimizer a file; see `epuckhebb.evolution.optimizer`."""
+"""Optimizers, one file each: how the genomes of the next generation are chosen."""

@@ -34,9 +34,9 @@ class OpenEs(EvolutionStrategy):
     """An evolution strategy with antithetic pairs.
 
     learning_rate: alpha. learning_rate_decay: factor on it after each generation. merges: how often the rules of
-    synapses are merged into half as many, each time after `merge_every` generations. For the others, see
-    `EvolutionStrategy`; population is even, and sigma is constant. `_rule_of`: for each synapse the first that has the
-    same rule.
+    synapses are merged into half as many, each time after `merge_every` generations. The other settings are
+    those of `EvolutionStrategy`; population is even, and sigma is constant. `_rule_of`: for each synapse the
+    first that has the same rule.
     """
 
     population: int = within(2, default=40)

@@ -31,14 +31,14 @@ class SepCmaEs(EvolutionStrategy):
 
     def _move(self, fitness: Floats) -> Floats:
         """Move the distribution towards the fitter half."""
-        points = _without_ties(self._ranked, np.sort(-fitness))
+        points = _untie(self._ranked, np.sort(-fitness))
         self._cma.tell([(genes, float(value)) for genes, value in zip(points, np.sort(-fitness), strict=True)])
         mean: Floats = self._cma.mean
         return mean
 
 
-def _without_ties(ranked: Floats, losses: Floats) -> Floats:
-    """Points for the algorithm, (population, genes): the samples, or, if any of the fitter half is in a tie, others.
+def _untie(ranked: Floats, losses: Floats) -> Floats:
+    """Points for the algorithm, (population, genes): the samples, or others if two of the fitter half are equally fit.
 
     ranked: the samples, best first. losses: (population,), ascending.
     """

@@ -1,1 +1,1 @@
-"""Couplings between robots, a file each; see `epuckhebb.flock.coupling`."""
+"""Couplings between robots, one file each: a subclass of `epuckhebb.flock.coupling.Coupling`."""
