@@ -18,6 +18,7 @@ BUILDERS = ("docker", "podman")
 STABLE = "hydra-core==1.3.*"  # some plug-ins ask for a Hydra in a way that lets pip take a pre-release
 TWO_CORES = ["-n", "2", "--dist", "loadfile"]  # a file stays with one of them: what its tests share is made once
 PROJECT = nox.project.load_toml("pyproject.toml")
+WORLDS = nox.project.load_toml("benchmarks/worlds.toml")
 
 
 def answers(builder: str) -> bool:
@@ -216,3 +217,15 @@ def peers(session: nox.Session) -> None:
     """Time a step of Kheperax, of the plain loop and of ours in turn; writes benchmarks/peers.md."""
     session.install(".", "kheperax==0.2.*")
     session.run("python", "-W", "ignore", "benchmarks/peers.py")
+
+
+@nox.session(tags=["heavy"])
+@nox.parametrize("package", list(WORLDS), ids=list(WORLDS))
+def worlds(session: nox.Session, package: str) -> None:
+    """Try environments of a package at its newest version; writes rows of benchmarks/worlds.csv; `-- ID` for one."""
+    try:
+        session.install(".", *WORLDS[package]["install"])
+        words = session.posargs
+    except nox.command.CommandFailed:
+        words = ["none"]
+    session.run("python", "benchmarks/worlds.py", package, *words, env={"PYTHONDONTWRITEBYTECODE": None})

@@ -620,6 +620,15 @@ def test_an_environment_of_ones_own_that_fails_is_refused_before_a_run(space, st
     assert not Path("runs").exists()
 
 
+def test_an_environment_that_cannot_be_made_says_why(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("own.py").write_text(
+        "import gymnasium\n\n\nclass Mine(gymnasium.Env):\n    def __init__(self):\n        assert 1 > 2\n"
+    )
+    assert "assert 1 > 2 (own.py, line 6)" in refused("evolve", "environment=own.py:Mine")
+    assert not Path("runs").exists()
+
+
 def test_missing_libraries_are_refused(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     missing = gymnasium.error.DependencyNotInstalled("MuJoCo is not installed")

@@ -11,6 +11,7 @@ from cases import COLUMNS, described_columns, done, refused
 
 from epuckhebb.analysis import evaluate, findings, reversal, summary
 from epuckhebb.analysis.evaluate import Traces
+from epuckhebb.analysis.tables import Table
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.wirings.elman import Elman
 from epuckhebb.evolution.evolve import Generation, history_row
@@ -20,7 +21,8 @@ from epuckhebb.store.traces import traces_arrays
 from epuckhebb.tmaze.physics.ode import Ode
 from epuckhebb.tmaze.samples import empty_samples
 
-REFERENCE = Path(__file__).parents[1] / "runs" / "reference"
+ROOT = Path(__file__).parents[1]
+REFERENCE = ROOT / "runs" / "reference"
 
 
 def test_the_verb_prints_the_commented_files():
@@ -76,3 +78,29 @@ def test_every_array_is_described():
     champion = champion_file(load_genome("reference", "obstacles"), 1.0, 1, 2)
     for name in parse_arrays(champion):
         assert any(fnmatch(name, described) for described in described_columns("champion.npz")), name
+
+
+def without_module(name):
+    return name.rpartition(":")[2]
+
+
+def test_the_table_of_packages_is_that_of_the_csv(generated):
+    """A row a package; `nox -s worlds` writes the CSV, which has a row an id."""
+    tried = pd.read_csv(ROOT / "benchmarks" / "worlds.csv", keep_default_na=False)
+    lines = []
+    for package, rows in tried.groupby("package", sort=False):
+        works = (rows[["loop", "evolves", "evaluates", "repeats"]] == "yes").all(axis=1)
+        kinds = [kind for cell in [*rows.observations, *rows.actions] if (kind := cell.partition(" ")[0])]
+        changes = rows.change[rows.acts == "yes"].str.split(":").str[0]
+        why = [f"{without_module(row.id)}: {row.why}" if row.id else row.why for row in rows.itertuples() if row.why]
+        names = ", ".join(map(without_module, rows.id[works]))
+        count = f"{works.sum()} of {len(rows)}" if rows.id.any() else "0"
+        cells = [
+            rows.versions.iloc[0] or package,
+            count,
+            names,
+            *(", ".join(dict.fromkeys(x)) for x in (kinds, changes)),
+        ]
+        lines.append([*cells, "; ".join(why)])
+    head = ["package", "work", "which", "spaces", "changes that act", "what does not work, and why"]
+    generated(ROOT / "docs" / "any_world.md", "packages", Table(head, lines).markdown())

@@ -426,6 +426,15 @@ def test_a_helper_that_is_imported_without_a_dot_is_refused_with_what_to_write(t
     assert loaded(tmp_path / "my.py").DECAY == 1.0
 
 
+def test_a_module_that_a_library_makes_has_no_file(here):
+    """PyTorch's `torch.ops` names `_ops.py`, which is nowhere, and least of all in the current folder."""
+    text = "import sys, types\nmade = sys.modules['made'] = types.ModuleType('made')\nmade.__file__ = '_made.py'\n"
+    write(here, {"my": text})
+    assert loaded("my.py").made.__name__ == "made"
+    assert list(own_file("my.py").sha256) == [str(here / "my.py")]
+    del sys.modules["made"]
+
+
 MANY = """\
 import numpy as np
 from . import profile

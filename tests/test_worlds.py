@@ -316,7 +316,22 @@ def test_readings_that_say_nothing_are_noted():
     (note,) = world(Blind)[0].findings.notes
     assert "1 (largest 900) are 1 or -1" in note
     assert "2 (largest 0.001) never move" in note
-    assert "environment.scale=[3,900,0.001]" in note
+    assert "environment.scale=[3,900,3]" in note  # no scale moves a reading that is always the same
+
+
+@pytest.mark.parametrize("value", [0.0, 0.5])
+def test_no_scale_is_listed_where_none_helps(value):
+    class Still(Sum):
+        def step(self, action):
+            seen, *others = super().step(action)
+            return np.array([seen[0], value, value]), *others
+
+        def reset(self, *, seed=None, options=None):
+            return np.array([super().reset(seed=seed)[0][0], value, value]), {}
+
+    (note,) = world(Still)[0].findings.notes
+    assert f"1 (largest {value:g}), 2 (largest {value:g}) never move" in note
+    assert "environment.scale" not in note
 
 
 def test_the_scale_that_a_note_lists_lets_readings_move():

@@ -22,6 +22,7 @@ from typing import Any, TypeVar
 from epuckhebb.config import hand
 from epuckhebb.controller.compiling.sources import (
     OWN_PACKAGE,
+    file_of,
     is_installed,
     modules_in,
     sources_elsewhere,
@@ -189,8 +190,8 @@ def _imported(path: Path, package: str, name: str) -> ModuleType:
     finally:
         sys.dont_write_bytecode = is_off
     for other in sys.modules.keys() - known:
-        file = Path(getattr(sys.modules[other], "__file__", None) or "").resolve()
-        if file.parent == path.parent and not other.startswith(OWN_PACKAGE) and not is_installed(file):
+        file = file_of(sys.modules[other])
+        if file and file.parent == path.parent and not other.startswith(OWN_PACKAGE) and not is_installed(file):
             raise ModuleNotFoundError(f"a run would have no copy of {file.name}", name=other)
     sources_in(package), sources_elsewhere(package)  # noted now, before anybody edits them
     return module

@@ -136,15 +136,16 @@ def _readings(read: Reader, *seen: _Seen) -> list[str]:
     high = np.max([one.high for one in seen], axis=0)
     largest = np.max([one.largest for one in seen], axis=0)
     is_at_end = read.is_measured & ((low >= _AT_END) | (high <= -_AT_END))
-    found = {"are 1 or -1": is_at_end, "never move": read.is_measured & ~is_at_end & (high - low < _STILL)}
+    is_still = read.is_measured & ~is_at_end & (high - low < _STILL)
+    found = {"are 1 or -1": is_at_end, "never move": is_still}
     places = {what: _listed(read.names, np.flatnonzero(those), largest) for what, those in found.items() if those.any()}
     texts = [f"readings {those} {what}" for what, those in places.items()]
-    is_told = read.is_measured & (largest > 0) & (is_at_end | (high - low < _STILL))
+    is_told, hint = is_at_end | (is_still & (high > low)), ""  # no scale moves a reading that is always the same
     scale = ",".join(f"{value:.3g}" for value in np.where(is_told, largest, read.scale))
-    hint = (
-        f"try environment.scale=[{scale}]" if len(low) <= _TYPED else f"environment.scale may have {len(low)} numbers"
-    )
-    return [f"With random actions, {' and '.join(texts)}; {hint}."] if texts else []
+    if is_told.any():
+        hint = f"; try environment.scale=[{scale}]"
+        hint = hint if len(low) <= _TYPED else f"; environment.scale may have {len(low)} numbers"
+    return [f"With random actions, {' and '.join(texts)}{hint}."] if texts else []
 
 
 def _actions(world: "World") -> list[str]:

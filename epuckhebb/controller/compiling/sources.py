@@ -67,6 +67,12 @@ def sources_in(package: str) -> dict[Path, bytes]:
     return {Path(file): _as_imported(module, Path(file)) for module, file in files.items() if file}
 
 
+def file_of(module: ModuleType | None) -> Path | None:
+    """The file of a module; None without one, as of those that a library makes: `torch.ops` names `_ops.py` as its."""
+    file = Path(getattr(module, "__file__", None) or "")
+    return file.resolve() if file.is_file() else None
+
+
 def sources_elsewhere(package: str) -> dict[str, bytes]:
     """The files of the user's that a package uses and that are neither in it nor installed, by their paths.
 
@@ -79,10 +85,9 @@ def sources_elsewhere(package: str) -> dict[str, bytes]:
         for value in list(vars(waiting.pop()).values()):
             name = value.__name__ if isinstance(value, ModuleType) else str(getattr(value, "__module__", None))
             used = sys.modules.get(name)
-            if used is None or name in seen or name.startswith(OWN_PACKAGE) or not getattr(used, "__file__", None):
+            if used is None or name in seen or name.startswith(OWN_PACKAGE) or not (file := file_of(used)):
                 continue
             seen.add(name)
-            file = Path(str(used.__file__)).resolve()
             if not is_installed(file):
                 sources[str(file)] = _as_imported(used, file)
                 waiting.append(used)
