@@ -24,7 +24,7 @@ COLUMNS = ["package", "versions", "id", "observations", "actions", "loop", "evol
 COLUMNS += ["change", "acts", "repeats", "notes", "why"]
 YES, NO = "yes", "no"
 HORIZON, CHANGED = 40, 40  # steps in training, and the step of the change; `evaluate` doubles the horizon
-LIMIT_S = 240  # for one id
+LIMIT_S = 600  # for one id
 STAGES, MARK = ("loop", "evolves", "evaluates"), "row: "
 SMALL = ["generations=1", "population=4", "starts=4", "confirm=1"]
 
@@ -112,7 +112,7 @@ def stages(name: str, wish: dict[str, Any]) -> Iterator[dict[str, str]]:
         row["notes"] = " ".join(re.findall(rf"environment {world}: (.*)", table)).replace("\\", "")
         row["acts"] = NO if "changes nothing" in row["notes"] else YES
         row["acts"] = "not known" if "cannot be tested" in row["notes"] else row["acts"]
-        row["repeats"] = called("rerun", "tested")
+        row["repeats"] = YES if called("rerun", "tested") == YES else NO
     yield row
 
 
@@ -125,7 +125,8 @@ def called(*words: str) -> str:
     result = CliRunner().invoke(app, list(words))
     if result.exit_code == 0:
         return YES
-    told = result.stderr.rpartition("Error: ")[2] if result.exit_code == 2 else f"a fault: {result.exception!r}"
+    is_told = isinstance(result.exception, SystemExit)
+    told = result.stderr.strip().rpartition("Error: ")[2] if is_told else f"a fault: {result.exception!r}"
     return " ".join([f"{NO}:", *told.split()])
 
 
