@@ -249,7 +249,7 @@ def _innate(job):
     words = ["training=varied", "hebbian=baldwin", "training.rule_off=true", *INHERITED[job["way"]]]
     rows = [
         {"way": job["way"], "seed": job["seed"], "generation": one.number}
-        | dict(zip(("fitness", "rule_off"), one.again, strict=True))
+        | dict(zip(("fitness", "rule_off"), one.remeasured, strict=True))
         for _, one, *_ in _evolved("base", job["seed"], job["generations"], *words)
     ]
     return {"innate": pd.DataFrame(rows)}
