@@ -269,9 +269,10 @@ ROWS = conf.table("environment")
 NAMED = [(row, change) for row, settings in ROWS.items() for change in (settings or {}).get("named", {})]
 
 
-@pytest.mark.parametrize(("row", "change"), NAMED, ids="-".join)
+@pytest.mark.parametrize(("row", "change"), NAMED)
 def test_a_named_change_acts(row, change):
     if row == "lunar_lander":
         pytest.importorskip("Box2D")
-    words = [f"environment={row}", f"change={change}", "environment.horizon=1000"]
+    horizon = 2 * ({**ROWS["gym"], **ROWS[row]})["horizon"]  # as `evaluate` has it
+    words = [f"environment={row}", f"change={change}", f"environment.horizon={horizon}"]
     assert [note for note in load_any("evolve", words).world.findings.notes if "changes nothing" in note] == []
