@@ -17,7 +17,8 @@ from cases import call, check_resumed, described_columns, done, refused
 from PIL import Image, ImageSequence
 
 import epuckhebb
-from epuckhebb.analysis.environments import effects, lifetime_course, readable, table, unreached
+from epuckhebb.analysis import charts
+from epuckhebb.analysis.environments import effects, lifetime_course, readable, readable_effects, table, unreached
 from epuckhebb.config import load_any
 from epuckhebb.controller.controller import Controller
 from epuckhebb.controller.genome import plan_of
@@ -301,6 +302,55 @@ def test_effects_are_those_of_scipy_on_means_of_champions():
     signs = np.array(list(itertools.product((1, -1), repeat=7))) @ paired.to_numpy() / 7
     assert found.p["abcd (frozen at the change)"] == pytest.approx((abs(signs) >= abs(paired.mean()) - 1e-12).mean())
     assert (found.p_holm >= found.p).all()
+
+
+def after_a_change(controller, rate, returns, genomes="abcdef", **more):
+    """A lifetime of each of some champions."""
+    same = {"environment": "x", "change": "c", "controller": controller, "N": rate, **more}
+    return pd.DataFrame(
+        [same | {"genome": g, "return_after": value} for g, value in zip(genomes, returns, strict=True)]
+    )
+
+
+def test_each_rate_of_a_rule_has_its_effect():
+    rows = [after_a_change("zero", 0.0, [1.0] * 6)]
+    for rate in (0.01, 0.1):
+        rows.append(after_a_change("abcd", rate, [1 + rate] * 6))
+        rows.append(after_a_change("abcd (frozen at the change)", rate, [1 + 3 * rate] * 6))
+    found = effects(pd.concat(rows), ["environment", "change"])
+    assert found.N.tolist() == [0.01, 0.01, 0.1, 0.1]
+    assert found.effect.tolist() == pytest.approx([-0.02, 0.01, -0.2, 0.1])
+    assert readable_effects(found).headings[:3] == ["controller", "N", "against"]
+
+
+def test_each_setting_of_a_rule_has_its_effect_against_champions_without_a_rule():
+    rows = [after_a_change("plain", 0.0, [1.0] * 6, "uvwxyz", **{"hebbian.leak": ""})]
+    rows += [after_a_change("abcd", 0.1, [value] * 6, **{"hebbian.leak": leak}) for leak, value in (("0", 3), ("1", 5))]
+    found = effects(pd.concat(rows), ["hebbian.leak", "environment", "change"])
+    assert found[["hebbian.leak", "effect", "is_paired"]].to_numpy().tolist() == [["0", 2.0, False], ["1", 4.0, False]]
+
+
+def test_controllers_of_the_same_champions_are_paired():
+    """Five differences of +1 and one of -1: of 64 choices of signs, 14 give a sum at least as far from 0."""
+    ours, zero = [1.0, 102.0, 203.0, 304.0, 405.0, 506.0], [0.0, 101.0, 202.0, 303.0, 404.0, 507.0]
+    (row,) = effects(
+        pd.concat([after_a_change("abcd", 0.1, ours), after_a_change("zero", 0.0, zero)]), ["environment", "change"]
+    ).itertuples()
+    assert (row.is_paired, row.effect, row.p) == (True, pytest.approx(4 / 6), 14 / 64)
+
+
+def test_a_table_names_rates_and_what_is_missing():
+    rows = [lifetimes(one=[1.0]).assign(N=rate, change=change) for rate in (0.1, 0.2) for change in (None, "c")]
+    shown = readable(table(pd.concat(rows), ["change", "controller", "N"]))
+    assert shown.headings[:3] == ["change", "controller", "N"]
+    assert [row[:3] for row in shown.rows][:2] == [["none", "abcd", "0.1"], ["c", "abcd", "0.1"]]
+
+
+def test_a_figure_of_returns_has_a_panel_for_each_world_and_a_row_for_each_rate():
+    rows = [lifetimes(one=[1.0]).assign(N=rate, task=task, change="c") for rate in (0.1, 0.2) for task in "xy"]
+    drawn = charts.returns(table(pd.concat(rows), ["task", "change", "controller", "N"]))
+    assert len(drawn.axes) == 2
+    assert [label.get_text() for label in drawn.axes[0].get_yticklabels()] == ["abcd, N = 0.1", "abcd, N = 0.2"]
 
 
 @pytest.mark.parametrize("budget", ["legs", "legs_300"])

@@ -1,5 +1,7 @@
 """Many evaluations in one table: each lifetime once, each genome under a name of its own, each idea in one column."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -14,6 +16,7 @@ from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvaluateConfig, typed
 from epuckhebb.controller.plasticity.rule import Rule
 from epuckhebb.runs import evaluate
+from epuckhebb.runtime import conf
 from epuckhebb.store.genome import load_genome
 from epuckhebb.tmaze.individual import Controller
 from epuckhebb.tmaze.life import Lifetime
@@ -72,6 +75,45 @@ def test_each_idea_has_one_column_and_the_genes_alone_have_a_value():
 
 def test_a_key_that_is_left_out_is_no_condition():
     assert "~compare" not in gather([evaluated(**{"~compare": ""})]).settings
+
+
+def lived(genome, controller="abcd", change="", typed=None, **config):
+    """An evaluation in an environment, of one lifetime. config: its settings by group."""
+    row = {"genome": genome, "environment": "room", "change": change, "controller": controller, "N": "0.05"}
+    rows = pd.DataFrame([row | {"repeat": "0", "seed": "1"}])
+    settings = {"genome": genome, **(typed or {})}
+    return Evaluated(
+        settings=settings, sha256=genome, ids={controller: genome}, rows=rows, config=dict(conf.flat(config))
+    )
+
+
+def test_settings_that_champions_bring_along_tell_conditions_apart():
+    first = lived("a", hebbian={"leak": 0.0, "N": 0.05}, environment={"horizon": 60, "loops": 1}, seed=1)
+    other = lived("b", hebbian={"leak": 0.3, "N": 0.01}, environment={"horizon": 60, "loops": 2, "options": {"x": 1}})
+    found = gather([first, other])
+    assert found.settings == ["genome", "hebbian.leak", "N", "environment.options.x"]
+    assert found.rows[["hebbian.leak", "environment.options.x"]].to_numpy().tolist() == [["0.0", ""], ["0.3", "1"]]
+
+
+def test_other_controllers_are_told_apart_by_their_name_and_the_world_alone():
+    first = lived("a", hebbian={"leak": 0.0}, network={"layers": None}, environment={"horizon": 60})
+    other = lived("b", "oja", hebbian={"leak": 0.3}, network={"layers": [2]}, environment={"horizon": 90})
+    assert gather([first, other]).settings == ["genome", "environment.horizon"]
+
+
+def test_what_follows_from_a_setting_that_was_typed_has_no_column():
+    each = [lived("a", typed={"task": task}, environment={"horizon": task}) for task in "xy"]
+    assert gather(each).settings == ["genome", "task"]
+
+
+def test_changes_of_one_name_are_told_apart():
+    each = [
+        lived("a", change=text, typed={"environment.changes": file}, environment={"changes": [{"function": file}]})
+        for file, text in (("a.py:shock", "shock at 20"), ("b.py:shock", "shock at 20"), ("b.py:calm", "calm at 20"))
+    ]
+    rows = gather([replace(one, ids={"abcd": str(place)}) for place, one in enumerate(each)]).rows
+    assert rows.change.nunique() == 3
+    assert "calm at 20" in set(rows.change)
 
 
 def test_intervals_are_over_champions():

@@ -14,8 +14,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
-from epuckhebb.analysis import rescue
+from epuckhebb.analysis import environments, rescue
 from epuckhebb.analysis.image import house_style, plain
+from epuckhebb.analysis.lifetimes import is_of_controller
 from epuckhebb.analysis.statistics import LEAST
 from epuckhebb.controller.network import initial_weights_of
 from epuckhebb.controller.plasticity.weight_change import saturated_fraction
@@ -313,26 +314,41 @@ def lifetime(course: "pd.DataFrame", title: str, changes: Sequence[int]) -> Figu
     return drawn
 
 
+def _title(row: "pd.Series", names: Sequence[str]) -> str:
+    """The world of a row, in a line for each key in which worlds differ. names: of these keys."""
+    return "\n".join(str(row[name]) if name in ("environment", "change") else f"{name} = {row[name]}" for name in names)
+
+
 @house_style()
 def returns(rows: "pd.DataFrame") -> Figure:
-    """The mean return before and after a change, of each rule and its controls, with intervals: a panel a change.
+    """The mean return before and after a change, of each controller, with intervals: a panel for each world.
 
-    The number beside a row is the return after the change.
+    The number beside a row is the return after the change. Settings that differ are part of the names.
     """
-    worlds = rows.fillna({"change": ""}).groupby("change", sort=False)
+    differ = environments.differing(rows)
+    of_world = [name for name in differ if not is_of_controller(name)]
+    several = environments.has_several_rates(rows)
+    more = [*(["N"] if several else []), *(name for name in differ if is_of_controller(name))]
+    rows = rows.fillna({"change": "nothing changes"})
+    rows = rows.assign(
+        panel=[_title(row, of_world) for _, row in rows.iterrows()] if of_world else rows.change,
+        line=[", ".join([row.controller, *(f"{name} = {row[name]}" for name in more)]) for _, row in rows.iterrows()],
+    )
+    worlds = rows.groupby("panel", sort=False)
     rules = list(dict.fromkeys(rows.controller.str.partition(" (")[0]))
-    names = sorted(rows.controller.unique(), key=lambda name: rules.index(name.partition(" (")[0]))
-    drawn = Figure(figsize=(2.2 + 2.6 * len(worlds), 1.6 + 0.28 * len(names)))
+    ordered = rows.assign(rule=rows.controller.str.partition(" (")[0].map(rules.index))
+    names = list(dict.fromkeys(ordered.sort_values("rule", kind="stable").line))
+    drawn = Figure(figsize=(max(5.2, 2.2 + 2.6 * len(worlds)), 1.6 + 0.28 * len(names)))
     panels = drawn.subplots(1, len(worlds), sharey=True, sharex=True, squeeze=False)[0]
-    for axes, (change, own) in zip(panels, worlds, strict=True):
+    for axes, (world, own) in zip(panels, worlds, strict=True):
         for when, colour, marker, shift in (("before", SOFT, "s", -0.15), ("after", INK, "o", 0.15)):
-            places = [names.index(name) + shift for name in own.controller]
+            places = [names.index(name) + shift for name in own.line]
             axes.hlines(places, own[f"return_{when}_low"], own[f"return_{when}_high"], color=colour)
             look = {"linestyle": "", "marker": marker, "color": colour, "markersize": 4, "label": when}
             axes.plot(own[f"return_{when}"], places, **look)
         for place, value in zip(places, own.return_after, strict=True):
-            annotate_row(axes, f"{round(value)}", place)
-        axes.set(title=plain(str(change)) or "nothing changes", xlabel="return")
+            annotate_row(axes, "–" if np.isnan(value) else f"{round(value)}", place)
+        axes.set(title=plain(str(world)), xlabel="return")
         axes.grid(axis="x")
     panels[0].set_yticks(range(len(names)), [plain(name) for name in names])
     panels[0].invert_yaxis()

@@ -19,7 +19,7 @@ from epuckhebb.analysis.findings import BROKEN, INTACT, UNSOLVED
 from epuckhebb.analysis.lifetimes import is_of_plasticity, numeric
 from epuckhebb.analysis.rescue import label
 from epuckhebb.analysis.statistics import bootstrap, bounds, mean, sign_flip
-from epuckhebb.analysis.tables import Table, interval_text, plain
+from epuckhebb.analysis.tables import Table, cell, interval_text, plain
 from epuckhebb.tmaze.individual import HEBBIAN
 from epuckhebb.tmaze.maze import SIDES
 from epuckhebb.tmaze.outcome import End
@@ -185,7 +185,7 @@ def _experiment_table(experiment: str, own: pd.DataFrame) -> Table:
     ]
     rows = [
         [
-            *(plain(str(value)) for value in place),
+            *(cell(value) for value in place),
             plain(row.scenario),
             plain(label(row.controller, row.N)) + (f", {row.draws} draws" if row.draws > 1 else ""),
             *(f"{getattr(row, name):g}" for name in ("trials", *_COUNTED)),

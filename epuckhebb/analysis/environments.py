@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from epuckhebb.analysis.lifetimes import is_of_controller
 from epuckhebb.analysis.statistics import LEAST, bootstrap, bounds, difference, holm, mean, permutation, sign_flip
-from epuckhebb.analysis.tables import Table, interval_text, plain
+from epuckhebb.analysis.tables import Table, cell, interval_text
 from epuckhebb.worlds.environment import Lived
 
 _RETURNS = ("return", "return_before", "return_after")
@@ -85,45 +86,67 @@ def tables(metrics: pd.DataFrame, settings: Sequence[str]) -> dict[str, pd.DataF
 
 
 def effects(metrics: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
-    """The effect of each rule on the return after a change: a row for each world and what the rule is compared with.
+    """The effect of each rule on the return after a change: a row for each condition and each controller beside it.
 
-    A rule is compared with its own weights frozen at the change, on the same champions, and with champions that were
-    evolved without a rule, which are others. Lifetimes that ended before the change, and champions of which all did,
-    are left out. The p values of the table are corrected together, by Holm. A condition with fewer than six champions
-    has no row. p: of a sign-flip test for the same champions, of a permutation test for others.
+    A rule is compared with its own weights frozen at the change, and with each controller that does not learn: of the
+    same champions, or of others, as those that were evolved without a rule. Lifetimes that ended before the change, and
+    champions of which all did, are left out. The p values of the table are corrected together, by Holm. A condition
+    with fewer than six champions has no row. p: of a sign-flip test for the same champions, of a permutation test for
+    others. by: keys of a condition but for `controller` and `N`; `N` is a column if a controller has several.
     """
-    columns = ["return_after", "N"]
-    metrics = metrics.assign(**{name: pd.to_numeric(metrics[name]) for name in columns})
+    metrics = metrics.assign(**{name: pd.to_numeric(metrics[name]) for name in ("return_after", "N")})
+    world = [name for name in by if not is_of_controller(name)]
+    rule = ["N", *(name for name in by if is_of_controller(name))]
+    shown = [*by, "controller", *(["N"] if has_several_rates(metrics) else [])]
     rows: list[dict[str, Any]] = []
-    for world, own in metrics[metrics.change.fillna("") != ""].groupby(list(by), sort=False, dropna=False):
-        after = {
-            str(name): (rates.N.max() > 0, rates.groupby("genome", sort=False).return_after.mean().dropna())
-            for name, rates in own.groupby("controller", sort=False)
-        }
-        for name, (is_plastic, ours) in after.items():
-            others = [f"{name} (frozen at the change)"] + [one for one in after if not (after[one][0] or "(" in one)]
-            for other in others if is_plastic and "(" not in name else ():
-                is_paired = "(" in other
-                pair = ours, after[other][1] if other in after else ours[:0]
-                if is_paired:
-                    both = pair[0].index.intersection(pair[1].index, sort=False)
-                    pair = pair[0][both], pair[1][both]
-                if min(map(len, pair)) < LEAST:
-                    continue
-                values = pair[0].to_numpy(float), pair[1].to_numpy(float)
-                found = (mean, values[0] - values[1]) if is_paired else (difference, *values)
-                p = sign_flip(values[0] - values[1]) if is_paired else permutation(*values)
-                row = {"controller": name, "against": other, "is_paired": is_paired}
-                row |= {"champions": len(pair[0]), "others": len(pair[1])}
-                effect = {"effect": values[0].mean() - values[1].mean(), **bounds("effect_", bootstrap(*found)), "p": p}
-                rows.append(dict(zip(by, world, strict=True)) | row | effect)
+    for _, own in metrics[metrics.change.fillna("") != ""].groupby(world, sort=False, dropna=False):
+        for condition, ours in own.groupby(["controller", *rule], sort=False, dropna=False):
+            name, rate = condition[:2]
+            if not rate > 0 or "(" in name:
+                continue
+            alike = own[(own[rule] == ours[rule].iloc[0]).all(axis=1)]
+            against = {f"{name} (frozen at the change)": alike}
+            for other in own[(own.N == 0) & ~own.controller.str.contains("(", regex=False)].controller.unique():
+                same = own[(own[rule[1:]] == ours[rule[1:]].iloc[0]).all(axis=1) & (own.N == 0)]
+                against[other] = same if (same.controller == other).any() else own
+            for other, among in against.items():
+                row = _effect(ours, among[among.controller == other])
+                if row:
+                    rows.append({key: ours[key].iloc[0] for key in shown} | {"against": other} | row)
     return pd.DataFrame(rows).assign(p_holm=holm([row["p"] for row in rows])) if rows else pd.DataFrame()
+
+
+def _effect(ours: pd.DataFrame, others: pd.DataFrame) -> dict[str, Any]:
+    """The difference between lifetimes of two controllers, paired if they are of the same champions; none of few."""
+    pair = [one.groupby("genome", sort=False).return_after.mean() for one in (ours, others)]
+    both = pair[0].index.intersection(pair[1].index, sort=False)
+    is_paired = len(both) > 0
+    if is_paired:
+        kept = pair[0][both].notna() & pair[1][both].notna()
+        pair = [one[both][kept] for one in pair]
+    values = [one.dropna().to_numpy(float) for one in pair]
+    if min(map(len, values)) < LEAST:
+        return {}
+    found = (mean, values[0] - values[1]) if is_paired else (difference, *values)
+    p = sign_flip(values[0] - values[1]) if is_paired else permutation(*values)
+    row = {"is_paired": is_paired, "champions": len(values[0]), "others": len(values[1])}
+    return row | {"effect": values[0].mean() - values[1].mean(), **bounds("effect_", bootstrap(*found)), "p": p}
+
+
+def has_several_rates(rows: pd.DataFrame) -> bool:
+    """Whether a controller has several base rates, so that its name does not tell which it is."""
+    return bool((rows.groupby("controller").N.nunique() > 1).any())
+
+
+def differing(rows: pd.DataFrame) -> list[str]:
+    """The columns that tell the conditions of a table apart, but for the controller and its N. rows: of `table`."""
+    before = list(rows)[: list(rows).index("champions")]
+    return [name for name in before if name not in ("controller", "N") and rows[name].nunique(dropna=False) > 1]
 
 
 def readable(rows: pd.DataFrame, title: str = "") -> Table:
     """The summary of returns to read: a row for each condition. rows: of `table`."""
-    before = list(rows)[: list(rows).index("champions")]
-    first = [name for name in before if name == "controller" or (name != "N" and rows[name].nunique(dropna=False) > 1)]
+    first = [*differing(rows), "controller", *(["N"] if has_several_rates(rows) else [])]
     headings = [*first, "return", "before", "after", "recovery (steps)", "weight change"]
     lines = []
     for _, row in rows.iterrows():
@@ -132,7 +155,7 @@ def readable(rows: pd.DataFrame, title: str = "") -> Table:
             returns[-1] += f" ({row['reached']} of {row['lifetimes']})"
         recovery = f"{row['recovery_steps']:.0f} ({row['recovered']} of {row['lifetimes']})"
         line = [
-            *(plain(str(row[name])) for name in first),
+            *(cell(row[name]) for name in first),
             *returns,
             recovery if row["recovered"] else "–",
             f"{row['weight_change_mean']:.3g}",
@@ -143,10 +166,12 @@ def readable(rows: pd.DataFrame, title: str = "") -> Table:
 
 def readable_effects(rows: pd.DataFrame) -> Table:
     """The differences to controls to read. rows: of `effects`."""
-    first = [*(name for name in _WORLD if rows[name].nunique() > 1), "controller", "against"]
+    conditions = list(rows)[: list(rows).index("controller")]
+    rate = ["N"] if "N" in rows else []
+    first = [*(name for name in conditions if rows[name].nunique(dropna=False) > 1), "controller", *rate, "against"]
     lines = [
         [
-            *(plain(str(row[name])) for name in first),
+            *(cell(row[name]) for name in first),
             f"{row['champions']}, {row['others']}",
             interval_text(row, "effect", "+.1f"),
             f"{row['p_holm']:.2g}",

@@ -9,7 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from epuckhebb.analysis.statistics import bootstrap, interval_title, mean
-from epuckhebb.analysis.tables import Table, interval_text, plain
+from epuckhebb.analysis.tables import Table, cell, interval_text, plain
 from epuckhebb.tmaze.robot import STEP_S
 
 _NEVER = 1e12  # robot-hours; more than any evolution has
@@ -67,10 +67,10 @@ def readable(table: pd.DataFrame) -> Table:
     names = [name for name in _HEADINGS if name in table]
     rows = []
     for _, row in table.astype(object).iterrows():  # a row of numbers alone would have no whole ones
-        cells = [interval_text(row, name, ".3g") for name in names]
+        numbers = [interval_text(row, name, ".3g") for name in names]
         if "n_reached" in row:
-            cells[-1] += f" ({row['n_reached']} of {row['n']})"
-        rows.append([*(plain(str(row[key])) for key in settings), str(row["n"]), *cells, f"{row[cost]:.4g}"])
+            numbers[-1] += f" ({row['n_reached']} of {row['n']})"
+        rows.append([*(cell(row[key]) for key in settings), str(row["n"]), *numbers, f"{row[cost]:.4g}"])
     headings = [*map(plain, settings), "n", *(_HEADINGS[name] for name in names), plain(cost)]
     title = f"Evolutions: means, {interval_title('seeds', table.n.tolist())}"
     return Table(headings, rows, title, text=len(settings))

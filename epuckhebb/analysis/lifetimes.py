@@ -1,6 +1,6 @@
 """The lifetimes of many evaluations in one table: each lifetime once, each genome with a name of its own."""
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -26,6 +26,9 @@ OWN_COLUMN = {  # keys that metrics.csv has a column for
 }
 # Keys that do not change what is evaluated.
 _NO_CONDITION = ("seed", "repeats", "threads", "environment.processes", "lifetime.record_every")
+# More that a champion brings along without an effect on its evaluation.
+_OF_EVOLUTION = ("genome", "figures", *(f"environment.{k}" for k in ("named", "population", "generations", "loops")))
+_OF_NETWORK = ("environment.hidden", "environment.reads_reward")  # with `network.*`
 _LIFETIME = ["_id", "side", "repeat", "seed"]
 
 
@@ -38,12 +41,14 @@ class Evaluated:
     ids: Mapping[str, str]  # for each controller, a digest of all that its lifetimes depend on but side, repeat, seed
     rows: pd.DataFrame  # its lifetimes, with the columns of `metrics.csv`
     place: Mapping[str, str] = field(default_factory=dict)  # more columns, before all others
+    config: Mapping[str, Any] = field(default_factory=dict)  # all settings by key, also what its champion brings along
 
 
 class Gathered(NamedTuple):
     """The lifetimes of many evaluations.
 
-    rows: one row a lifetime: `Evaluated.place`, a column for each key without a column of its own, `COLUMNS`.
+    rows: one row a lifetime: `Evaluated.place`, a column for each key without a column of its own, `COLUMNS`. The keys
+    are those of `Evaluated.settings`, and those of `Evaluated.config` that alone tell conditions apart.
     settings: the columns that name the condition of a row.
     """
 
@@ -58,14 +63,22 @@ def gather(evaluations: Sequence[Evaluated]) -> Gathered:
     lifetimes beside every plasticity: they have one row each, with `ANY` for the settings of plasticity.
     """
     given = dict.fromkeys(key for one in evaluations for key in one.settings if key not in _NO_CONDITION)
+    given |= dict.fromkeys(_brought(evaluations))
     keys = [key for key in given if not key.startswith("~")]  # what is left out has no value
     more = [key for key in keys if key not in OWN_COLUMN]
     place = list(evaluations[0].place) if evaluations else []
     names, frames = _names(evaluations), []
+    changes = defaultdict[str, set[str]](set)
     for one in evaluations:
-        first = {**one.place, **{_column(key): one.settings.get(key, "") for key in more}}
+        if "change" in one.rows:
+            changes[one.rows.change.iloc[0]].add(str(one.config.get("environment.changes")))
+    for one in evaluations:
+        values = {key: str(value) for key, value in one.config.items()} | dict(one.settings)
+        first = {**one.place, **{_column(key): values.get(key, "") for key in more}}
         frame = pd.concat([pd.DataFrame(first, index=one.rows.index), one.rows], axis=1)
         frame["genome"] = names[_world_name(one), one.sha256]
+        if "change" in frame and len(changes[frame.change.iloc[0]]) > 1:  # functions of one name, in two files
+            frame["change"] = str(one.config["environment.changes"])
         for column in (_column(key) for key in keys if is_of_plasticity(key) and key != "hebbian.N"):
             alone = frame.controller == GA
             frame[column] = [ANY if is_alone else value for is_alone, value in zip(alone, frame[column], strict=True)]
@@ -76,6 +89,28 @@ def gather(evaluations: Sequence[Evaluated]) -> Gathered:
     again = whole.duplicated([name for name in _LIFETIME if name in whole])  # an environment has no sides
     rows = whole[~again].drop(columns="_id").reset_index(drop=True)
     return Gathered(rows, list(dict.fromkeys(map(_column, keys))))
+
+
+def _brought(evaluations: Sequence[Evaluated]) -> list[str]:
+    """The keys that champions bring along from their evolutions, and that alone tell conditions apart.
+
+    In these evaluations with the same other settings differ: in keys of the world where the environment is the same, in
+    keys of a controller where its name is the same, too.
+    """
+    first: dict[Any, str] = {}
+    found: dict[str, None] = {}
+    left_out = (*_NO_CONDITION, *_OF_EVOLUTION)
+    every = dict.fromkeys(key for one in evaluations for key in one.config)
+    keys = [key for key in every if not key.startswith(left_out)]
+    for one in evaluations:
+        typed = tuple(sorted((k, str(v)) for k, v in one.settings.items() if k not in ("genome", *_NO_CONDITION)))
+        names = one.rows.controller.unique()
+        for key in keys:
+            value = str(one.config.get(key, ""))
+            for name in names if is_of_controller(key) else [""]:
+                if first.setdefault((typed, _world_name(one), name, key), value) != value:
+                    found[key] = None
+    return list(found)
 
 
 def numeric(rows: pd.DataFrame) -> pd.DataFrame:
@@ -97,6 +132,11 @@ def _column(key: str) -> str:
 def is_of_plasticity(key: str) -> bool:
     """Whether a key, or a column, is a setting of plasticity; the GA has none."""
     return key == "signal" or key.partition(".")[0] in ("hebbian", "adaptation", "compare")
+
+
+def is_of_controller(key: str) -> bool:
+    """Whether a key, or a column, is a setting of plasticity or of the network, and none of the world."""
+    return is_of_plasticity(key) or key.startswith("network") or key in _OF_NETWORK
 
 
 def _names(evaluations: Sequence[Evaluated]) -> dict[tuple[str, str], str]:

@@ -69,6 +69,11 @@ def plain(name: str) -> str:
     return _SIGNS.sub(r"\\\g<0>", " ".join(name.split()))
 
 
+def cell(value: object) -> str:
+    """A setting in a table in Markdown; `none` where there is no such setting."""
+    return "none" if value is None or value == "" or value != value else plain(str(value))  # noqa: PLR0124  # nan
+
+
 def unmarked(cell: str) -> str:
     """A cell without the signs of Markdown."""
     return re.sub(r"\*\*|`|\\(.)", lambda sign: sign[1] or "", cell)

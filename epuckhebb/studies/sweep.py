@@ -33,7 +33,7 @@ from epuckhebb.config import (
 )
 from epuckhebb.controller.ranges import check_values
 from epuckhebb.runs import as_evolved, evaluate_into, evolved, hydra, prepare_evaluation
-from epuckhebb.runtime import ConfigError, conf, say
+from epuckhebb.runtime import ConfigError, conf, say, yaml_file
 from epuckhebb.store import (
     Content,
     Genome,
@@ -101,7 +101,9 @@ class Sweep(Study):
         """Write `sweep.csv`, `failed.csv` and the tables over all; the same jobs give bit-identical files."""
         failed = [{**_place(job), **job.settings, "error": error} for job, error in outcome.failures]
         folder.write("failed.csv", pd.DataFrame(failed, columns=list(failed[0]) if failed else ["job", "run", "error"]))
-        gathered = gather([_evaluated(folder.path / job.run, job.settings, _place(job)) for job in outcome.done])
+        gathered = gather(
+            [_evaluated(folder.path / job.run, job.settings, job.config, _place(job)) for job in outcome.done]
+        )
         folder.write("sweep.csv", gathered.rows)
         _write_tables(folder.path, folder.write, gathered)
         folder.failure = planned.failure(outcome)
@@ -196,12 +198,19 @@ def summarise_multirun(folder: Path) -> None:
         write("summary.csv", evolutions.summary(ways))
         _draw(folder, write)
     else:
-        _write_tables(folder, write, gather([_evaluated(path, _settings(path), {}) for path in finished]))
+        _write_tables(
+            folder, write, gather([_evaluated(path, _settings(path), _config(path), {}) for path in finished])
+        )
 
 
 def _settings(path: Path) -> dict[str, str]:
     """The settings of a run of a multirun, by key."""
     return Job(number=0, overrides=Run(path).provenance["overrides"], run="", config={}).settings
+
+
+def _config(path: Path) -> dict[str, Any]:
+    """All settings of a run."""
+    return yaml_file.load(Run(path).config_file)
 
 
 def _finished(runs: Sequence[Path]) -> list[Path]:
@@ -279,7 +288,7 @@ def _draw(folder: Path, write: Callable[[str, Content], None]) -> None:
             write(f"figures/{name}.png", image(figure))
 
 
-def _evaluated(path: Path, settings: Mapping[str, str], place: Mapping[str, str]) -> Evaluated:
+def _evaluated(path: Path, settings: Mapping[str, str], config: Plain, place: Mapping[str, str]) -> Evaluated:
     """A run and its lifetimes, whose numbers stay as text."""
     run = Run(path)
     facts = run.provenance
@@ -290,6 +299,7 @@ def _evaluated(path: Path, settings: Mapping[str, str], place: Mapping[str, str]
         ids=facts["lifetimes"],
         rows=pd.DataFrame(list(rows), dtype=str),
         place=place,
+        config=dict(conf.flat(config)),
     )
 
 
