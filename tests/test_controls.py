@@ -1,6 +1,7 @@
 """Controls of equal size: yoked lifetimes beside their masters and the oracle, draws, random and other genomes."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -207,3 +208,6 @@ def test_random_genomes_are_those_of_their_numbers():
     done("evaluate", "-m", "genome=random_1,...,random_3", *SHORT, "figures=none", "hydra.sweep.dir=many")
     rows = pd.read_csv("many/summary.csv")
     assert list(rows.genome.unique()) == ["random_1", "random_2", "random_3"]
+    assert not Path("many/figures").exists()
+    done("figure", "many", "ends")
+    assert [file.name for file in Path("many/figures").iterdir()] == ["ends.png"]

@@ -179,12 +179,30 @@ def test_draws_of_a_control_are_one():
     drawn = {("a", 0): ("r", "w"), ("b", 0): ("r", "r"), ("a", 1): ("e", "w"), ("b", 1): ("w", "r")}
     alone = {(genome, "highlight", GA): ("r", "r") for genome in "ab"}
     rows = lifetimes(alone | {(one, "highlight", f"shuffled_{k}"): letters for (one, k), letters in drawn.items()})
-    row = of(ends.tables(rows)["ends"], "highlight", "shuffled", among="all")
+    one = {"sign": "shuffled"}
+    draws = ends.draws([{"shuffled_0": one, "shuffled_1": {**one, "sign_draw": 1}}])
+    row = of(ends.tables(rows, of=draws)["ends"], "highlight", "shuffled", among="all")
     assert counts(row) == [4, 2, 1.5, 0.5, 2]
     assert (row["draws"], row["champions"], row["right_less_wrong"]) == (2, 2, ((0 - 1) / 2 + (2 + 0) / 2) / 2)
-    assert set(ends.tables(rows)["ends_by_champion"].controller) == {GA, "shuffled_0", "shuffled_1"}
+    assert set(ends.tables(rows, of=draws)["ends_by_champion"].controller) == {GA, "shuffled_0", "shuffled_1"}
     one = rows[rows.controller != "shuffled_1"]
-    assert "shuffled_0" in set(ends.tables(one)["ends"].controller)
+    assert "shuffled_0" in set(ends.tables(one, of=draws)["ends"].controller)
+    taken = rows.replace({"controller": {GA: "shuffled"}})
+    assert set(ends.ends(ends.trials(taken), draws).controller) == {"shuffled", "shuffled_0", "shuffled_1"}
+
+
+@pytest.mark.parametrize(
+    ("compared", "merged"),
+    [
+        ([{"a_0": {"N": 0.1}, "a_1": {"N": 0.1, "sign_draw": 1}}], {"a_0": "a", "a_1": "a"}),
+        ([{"leak_1": {"leak": 0.5}, "leak_2": {"leak": 0.9}}], {}),
+        ([{"a_0": {"N": 0.1}, "a_1": {"N": 0.1}}, {"a_0": {"N": 0.1}, "a_1": {"N": 0.2}}], {}),
+        ([{"a_0": {"N": 1}, "a_1": {"N": 1}, "a_2": {"N": 2}, "a_3": {"N": 2}}], {}),
+        ([{"anti": {"sign": "anti"}}], {"anti": "anti"}),
+    ],
+)
+def test_controls_are_draws_of_one_if_they_differ_in_their_draw_alone(compared, merged):
+    assert ends.draws(compared) == merged
 
 
 def test_discrimination_by_hand():

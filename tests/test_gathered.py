@@ -1,5 +1,6 @@
 """Many evaluations in one table: each lifetime once, each genome under a name of its own, each idea in one column."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -149,6 +150,20 @@ def test_rescue_and_harm_are_counted_where_each_champion_ran_once_in_its_trainin
     if more:
         rows["genome"] = rows.genome.str[0]
     assert counted == (summary.rescue_and_harm(rows) is not None)
+
+
+def test_the_repeats_of_a_trial_are_those_of_all_seeds():
+    """Two seeds with two repeats each."""
+    each = [
+        evaluated(name, f"{name}{seed}", scenario=scenario, seed=seed)
+        for name in "abcdef"
+        for scenario in ("base", "4obstacles")
+        for seed in "12"
+    ]
+    rows, *_ = gather(each)
+    rows["genome"] = rows.genome.str[0]
+    _, page = summary.rescue_and_harm(rows)
+    assert re.findall(r"of its (\d+) repeats", page) == ["4"]
 
 
 def ids(*words, genome="reference"):

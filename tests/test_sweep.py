@@ -353,3 +353,16 @@ def test_a_value_alone_has_the_declared_type(key, value, expected):
 def test_a_value_alone_of_another_type_is_refused(key, value):
     with pytest.raises(ConfigError, match=key):
         value_as_declared(key, value, "evaluate")
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        (["a/x.py:One", "y.py:Two"], ["One", "Two"]),
+        (["a.py:R", "b.py:R"], ["a.py:R", "b.py:R"]),
+        (["[{at: 5, length: 2}]", "[{at: 9, length: 2}]"], ["[{at: 5, length: 2}]", "[{at: 9, length: 2}]"]),
+        (["[{at: 5, function: a/c.py:shock}]", "[]"], ["[{at: 5, function: shock}]", "[]"]),
+    ],
+)
+def test_a_class_of_ones_own_has_a_short_name_unless_another_has_the_same(names, expected):
+    assert sweep.shortened(names) == expected

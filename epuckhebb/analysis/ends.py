@@ -8,7 +8,9 @@ the columns that name a condition. A trial is one champion on one side, and has 
 Champions are the independent unit of intervals and p values.
 """
 
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -35,7 +37,7 @@ MEANING = (
 _CELL = ("experiment", "scenario", "controller", "N")
 _OF_SCENARIO = ("light", "obstacles")  # with `scenario.*`, keys of the world that a scenario names
 _PERCENTILES = {"": (2.5, 97.5), "_90": (5.0, 95.0)}
-_DRAW = r"_\d$"  # how the names of controls end that differ in their draw of random signs or places alone
+_DRAW = r"_\d$"  # how the names of draws of one control end
 _COUNTED = [End.right.value, End.wrong.value, End.elsewhere.value, "arrived"]
 
 
@@ -71,26 +73,43 @@ def _counted(each: pd.DataFrame) -> pd.DataFrame:
     return each.assign(**{end.value: each.end == end for end in End})
 
 
-def _merge_draws(each: pd.DataFrame) -> pd.DataFrame:
-    """Trials in which the controls `NAME_0`, `NAME_1` and so on are one, `NAME`; the column `draw` has the old name."""
-    control = each.controller.str.replace(_DRAW, "", regex=True)
+def draws(compared: Iterable[Mapping[str, Any]]) -> dict[str, str]:
+    """The names `NAME_0`, `NAME_1` and so on of controls that differ in `sign_draw` alone, each with its `NAME`.
+
+    compared: `compare` of each run, the settings of controllers by name.
+    """
+    rules: dict[str, list[Any]] = {}
+    for one in compared:
+        for name, settings in one.items():
+            rule = {key: value for key, value in settings.items() if key != "sign_draw"}
+            if rule not in rules.setdefault(name, []):
+                rules[name].append(rule)
+    controls = {name: re.sub(_DRAW, "", name) for name in rules}
+    alike = {control: [rules[name] for name in rules if controls[name] == control] for control in controls.values()}
+    return {name: control for name, control in controls.items() if all(rules[name] == own for own in alike[control])}
+
+
+def _merge_draws(each: pd.DataFrame, of: Mapping[str, str]) -> pd.DataFrame:
+    """Trials in which the draws of a control are one; the column `draw` has the old name. of: as from `draws`."""
+    taken = set(each.controller) - of.keys()  # a control must not get the name of another controller
+    control = each.controller.map(lambda name: name if of.get(name) in taken else of.get(name, name))
     has_several = each.groupby(control).controller.transform("nunique") > 1
     return each.assign(draw=each.controller, controller=each.controller.where(~has_several, control))
 
 
-def ends(each: pd.DataFrame) -> pd.DataFrame:
+def ends(each: pd.DataFrame, of: Mapping[str, str] = MappingProxyType({})) -> pd.DataFrame:
     """One row for each condition and `among`: how many trials end right, wrong and elsewhere, and how many arrived.
 
     A trial that ends right has arrived and stayed. `among`: `all` trials, or those of a fate. `right_less_wrong`: right
     less wrong ends of a champion, as a mean over the `champions` that have such trials: 0 if the end is chance, -2 to 2
     for two sides. It has 95 % and 90 % bootstrap intervals; `sign_flip_p` is its exact two-sided p value. Controls that
-    are named `NAME_0`, `NAME_1` and so on are `draws` of one, `NAME`: all its numbers are means over them. Among trials
-    of a fate there is one control more, `OTHER`: the paper's rule with the genome of another champion.
+    are `draws` of one have its name, and all its numbers are means over them. Among trials of a fate there is one
+    control more, `OTHER`: the paper's rule with the genome of another champion.
 
-    each: the trials.
+    each: the trials. of: the control whose draw a controller is, as from `draws`.
     """
     return pd.DataFrame(
-        list(_ends(_merge_draws(_counted(pd.concat([each, _exchange_genomes(each)], ignore_index=True)))))
+        list(_ends(_merge_draws(_counted(pd.concat([each, _exchange_genomes(each)], ignore_index=True)), of)))
     )
 
 
@@ -151,10 +170,12 @@ def discrimination(each: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def tables(rows: pd.DataFrame, settings: Sequence[str] = ()) -> dict[str, pd.DataFrame]:
-    """All tables of ends by their names, of rows and settings as for `trials`."""
+def tables(
+    rows: pd.DataFrame, settings: Sequence[str] = (), of: Mapping[str, str] = MappingProxyType({})
+) -> dict[str, pd.DataFrame]:
+    """All tables of ends by their names, of rows and settings as for `trials`, and draws as for `ends`."""
     each = trials(rows, settings)
-    return {"ends": ends(each), "ends_by_champion": champion_ends(each), "discrimination": discrimination(each)}
+    return {"ends": ends(each, of), "ends_by_champion": champion_ends(each), "discrimination": discrimination(each)}
 
 
 def markdown(table: pd.DataFrame) -> str:

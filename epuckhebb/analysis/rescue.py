@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 FIGURE = "rescue_and_harm.png"
+PICTURE = f'<img src="figures/{FIGURE}" alt="Rescue and harm of each plasticity, with intervals">\n'
 RESCUED, HARMED = "rescued, of the trials that the change broke", "harmed, of those still intact"
 ENDS = "ends of the broken: right, wrong, elsewhere"
 COUNTED = (
@@ -50,7 +51,6 @@ def markdown(over_all: "pd.DataFrame", by_scenario: "pd.DataFrame", champions: i
             "### Each world: rescued/wrong end/broken, harmed/intact\n",
             _scenario_table(own_scenarios).markdown(),
         ]
-    parts.append(f'<img src="figures/{FIGURE}" alt="Rescue and harm of each plasticity, with intervals">\n')
     return "\n".join(parts)
 
 

@@ -141,7 +141,8 @@ def rescue_and_harm(rows: pd.DataFrame) -> tuple[dict[str, pd.DataFrame], str] |
     over_all = findings.rescue_totals(by_champion)
     champions = int(each.groupby("experiment").genome.nunique().max())
     seeds = f"{code(each.genome.iloc[0])} to {code(each.genome.iloc[-1])}"
-    page = rescue.markdown(over_all, by_scenario, champions, lifetimes.repeat.nunique(), seeds)
+    repeats = int(lifetimes.groupby([key for key in _TRIAL if key not in ("seed", "repeat")]).size().max())
+    page = rescue.markdown(over_all, by_scenario, champions, repeats, seeds)
     tables = {"rescue_over_all": over_all, "rescue_and_harm": by_scenario, "rescue_by_champion": by_champion}
     return tables, page
 

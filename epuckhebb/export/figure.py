@@ -44,10 +44,17 @@ def names(path: Path) -> list[str]:
     if multirun_runs(path):
         sweep.summarise_multirun(path)
     known = [name for name, file in FIGURES.items() if run.has(file)]
-    known = known or sorted(file.stem for file in (path / "figures").glob("*.png"))
+    known = known or sorted(file.stem for file in (path / "figures").glob("*.png")) or list(_of_many(run))
     if not known:
         raise ConfigError(f"{path} has no figures; give a finished run, for example one below runs/evaluate/")
     return known
+
+
+def _of_many(run: Run) -> dict[str, Figure]:
+    """The figures over the runs of a multirun or a study, by name."""
+    if multirun_runs(run.path):
+        return sweep.figures(run)
+    return dict(find_study(run.json("sweep.json")["name"]).stored(run).figures(run)) if run.has("sweep.json") else {}
 
 
 def draw(path: Path, name: str, kind: str, width_mm: float | None, output: Path | None) -> Path:
@@ -60,12 +67,7 @@ def draw(path: Path, name: str, kind: str, width_mm: float | None, output: Path 
     run, known = Run(path), names(path)
     if name not in known:
         raise ConfigError(f"{path} has the figures {', '.join(known)}; got {name}")
-    if name in FIGURES and run.has(FIGURES[name]):
-        drawn = _draw_run(run, name)
-    elif multirun_runs(path):
-        drawn = sweep.figures(run)[name]
-    else:
-        drawn = find_study(run.json("sweep.json")["name"]).stored(run).figures(run)[name]
+    drawn = _draw_run(run, name) if name in FIGURES and run.has(FIGURES[name]) else _of_many(run)[name]
     target = output or path / "figures" / f"{name}.{kind}"
     write_atomic(target, image(drawn, kind, width_mm))
     return target

@@ -8,13 +8,14 @@ import csv
 import functools
 import io
 import itertools
+import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
 
-from epuckhebb.analysis import ends, environments, evolutions, summary
+from epuckhebb.analysis import ends, environments, evolutions, rescue, summary
 from epuckhebb.analysis.lifetimes import Evaluated, Gathered, gather
 from epuckhebb.analysis.statistics import interval_title
 from epuckhebb.analysis.tables import Table
@@ -53,6 +54,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _HISTORY = "history.csv"  # what an evolution has, and an evaluation has not
+_FILE = re.compile(r"[^\s,=\[{'\"]*\.py:(?=\w)")  # of FILE.py:NAME
 _APART = ("seed", "repeats", "threads", "genome")  # keys that are checked by themselves
 
 
@@ -105,7 +107,7 @@ class Sweep(Study):
             [_evaluated(folder.path / job.run, job.settings, job.config, _place(job)) for job in outcome.done]
         )
         folder.write("sweep.csv", gathered.rows)
-        _write_tables(folder.path, folder.write, gathered)
+        _write_tables(folder.path, folder.write, gathered, [job.config for job in outcome.done])
         folder.failure = planned.failure(outcome)
 
     def figures(self, run: Run) -> dict[str, "Figure"]:
@@ -191,26 +193,22 @@ def summarise_multirun(folder: Path) -> None:
     def write(name: str, content: Content) -> None:
         write_atomic(folder / name, as_bytes(content))
 
+    configs = [yaml_file.load(Run(path).config_file) for path in finished]
     if Run(finished[0]).has(_HISTORY):
         ways = _ways(finished)
         if copies := len(finished) - sum(len(histories) for _, histories in ways):
             say(f"{copies} of {len(finished)} evolutions are copies of others; each evolution counts once.")
         write("summary.csv", evolutions.summary(ways))
-        _draw(folder, write)
+        _draw(folder, write, configs)
     else:
-        _write_tables(
-            folder, write, gather([_evaluated(path, _settings(path), _config(path), {}) for path in finished])
-        )
+        pairs = zip(finished, configs, strict=True)
+        gathered = gather([_evaluated(path, _settings(path), config, {}) for path, config in pairs])
+        _write_tables(folder, write, gathered, configs)
 
 
 def _settings(path: Path) -> dict[str, str]:
     """The settings of a run of a multirun, by key."""
     return Job(number=0, overrides=Run(path).provenance["overrides"], run="", config={}).settings
-
-
-def _config(path: Path) -> dict[str, Any]:
-    """All settings of a run."""
-    return yaml_file.load(Run(path).config_file)
 
 
 def _finished(runs: Sequence[Path]) -> list[Path]:
@@ -235,13 +233,20 @@ def _ways(runs: Sequence[Path]) -> list[tuple[Mapping[str, Any], list[pd.DataFra
     return [(dict(zip(differ, way, strict=True)), evolutions.distinct(own)) for way, own in ways.items()]
 
 
+def shortened(names: Sequence[str]) -> list[str]:
+    """Names in which each FILE.py:NAME is NAME, if they still differ."""
+    short = [_FILE.sub("", name) for name in names]
+    return short if len(set(short)) == len(names) else list(names)
+
+
 def figures(run: Run) -> dict[str, "Figure"]:
     """The figures of the tables over all runs in a folder of a sweep or a multirun."""
     from epuckhebb.analysis import charts, end_charts  # matplotlib takes a while to load
 
     if (runs := _finished(multirun_runs(run.path))) and Run(runs[0]).has(_HISTORY):
         ways = _ways(runs)
-        named = {", ".join(value.rpartition(":")[2] for value in way.values()): own for way, own in ways}
+        names = shortened([", ".join(way.values()) for way, _ in ways])
+        named = dict(zip(names, (own for _, own in ways), strict=True))
         return {"learning": charts.learning_curves(named, ", ".join(ways[0][0]))}
     drawn = {
         "dose_response": ("doses.csv", charts.dose_response),
@@ -255,8 +260,10 @@ def figures(run: Run) -> dict[str, "Figure"]:
     return {name: draw(run.table(file)) for name, (file, draw) in drawn.items() if run.has(file)}
 
 
-def _write_tables(folder: Path, write: Callable[[str, Content], None], gathered: Gathered) -> None:
-    """Write the tables, the page and the figures over all lifetimes."""
+def _write_tables(
+    folder: Path, write: Callable[[str, Content], None], gathered: Gathered, configs: Sequence[Plain]
+) -> None:
+    """Write the tables, the page and the figures over all lifetimes. configs: all settings of each run."""
     rows, settings = gathered.rows, gathered.settings
     if "environment" in rows:
         tables = environments.tables(rows, settings)
@@ -268,24 +275,29 @@ def _write_tables(folder: Path, write: Callable[[str, Content], None], gathered:
         if summary.has_champions(rows):
             tables["over_champions"] = summary.champion_means(rows, settings)
             if not summary.has_trials(rows):
-                tables |= ends.tables(rows, settings)
+                tables |= ends.tables(rows, settings, ends.draws(config.get("compare") or {} for config in configs))
         if (doses := summary.dose_response(rows, settings)) is not None:
             tables["doses"] = doses
         if (harm := summary.rescue_and_harm(rows)) is not None:
             tables |= harm[0]
-            write("report.md", "\n".join([harm[1], ends.markdown(tables["ends"])]))
+            picture = [rescue.PICTURE] if _has_figures(configs) else []
+            write("report.md", "\n".join([harm[1], *picture, ends.markdown(tables["ends"])]))
     for name, table in tables.items():
         write(f"{name}.csv", table)
-    _draw(folder, write)
+    _draw(folder, write, configs)
 
 
-def _draw(folder: Path, write: Callable[[str, Content], None]) -> None:
-    """Write the figures of the tables in a folder."""
-    if drawn := figures(Run(folder)):
+def _draw(folder: Path, write: Callable[[str, Content], None], configs: Sequence[Plain]) -> None:
+    """Write the figures of the tables in a folder, unless no run has any."""
+    if _has_figures(configs) and (drawn := figures(Run(folder))):
         from epuckhebb.analysis.image import image  # matplotlib takes a while to load
 
         for name, figure in drawn.items():
             write(f"figures/{name}.png", image(figure))
+
+
+def _has_figures(configs: Sequence[Plain]) -> bool:
+    return any(config["figures"] != "none" for config in configs)
 
 
 def _evaluated(path: Path, settings: Mapping[str, str], config: Plain, place: Mapping[str, str]) -> Evaluated:
