@@ -4,13 +4,13 @@ from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from epuckhebb.adaptation.nominal import Nominal, measure_nominal
 from epuckhebb.analysis.evaluate import Traces, evaluate
 from epuckhebb.analysis.paper_table import PaperTable, saturation
 from epuckhebb.analysis.tables import Rows, plain
-from epuckhebb.config import hand, training_world
+from epuckhebb.config import EvaluateConfig, EvolveConfig, hand, training_world
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.control import MOST_KEPT, Control, Sign
@@ -31,12 +31,18 @@ from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
 from epuckhebb.worlds.world import Figures, World, Write
 
 
+if TYPE_CHECKING:
+
+    class _Settings(EvaluateConfig, EvolveConfig):  # type: ignore[misc]
+        """The settings of both commands, of which a run has those of one."""
+
+
 @dataclass(frozen=True)
 class Maze(World):
     """The maze of a run of `evaluate` or `evolve`. config: its settings."""
 
     measures: ClassVar[Collection[str]] = OF_OUTCOME
-    config: Any
+    config: "_Settings"
 
     @property
     def identity(self) -> tuple[Any, ...]:
@@ -56,7 +62,7 @@ class Maze(World):
             "fitness_function": world.fitness.name if world.fitness.is_own else "",
             "sensors": reading_names(world.robot.sensors),
             "physics": "" if world.physics.name == PYMUNK.name else world.physics.name,
-            "signs": training_signs(rule, config.made_network, config.seed) if rule.sign is Sign.shuffled else None,
+            "signs": training_signs(rule, config.network_made, config.seed) if rule.sign is Sign.shuffled else None,
         }
 
     def check_genome(self, genome: Genome) -> None:

@@ -201,7 +201,7 @@ def _reader(part: Part, scale: Floats) -> Callable[[Any], Floats]:
         values = np.asarray(observation, np.float64).ravel()
         if values.shape != shrink.shape:
             raise ValueError(f"an observation must be of {count} numbers, got {observation!r}")
-        readings: Floats = np.tanh(values * shrink) if part.kind == "Box" else values
+        readings: Floats = np.tanh(values * shrink) if part.kind == "Box" else values.copy()  # faults change readings
         if np.isnan(readings.sum()):
             raise ValueError(f"an observation must be of numbers, got {observation!r}")
         return readings
