@@ -5,6 +5,7 @@ import math
 import re
 import shutil
 import sys
+import zlib
 from contextlib import chdir
 from functools import partial
 from pathlib import Path
@@ -24,7 +25,9 @@ from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.plasticity.rule import Normalise
 from epuckhebb.controller.plasticity.rules.abcd import ABCD
 from epuckhebb.controller.random import Stream, rng
-from epuckhebb.runs.gymnasium import run_lifetimes
+from epuckhebb.runs import prepare_evaluation
+from epuckhebb.runs.gymnasium import run_lifetimes, seed_of
+from epuckhebb.runs.world import world_of
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Run, load_genome
 from epuckhebb.worlds.changes import CHANGES, Faults, apply
@@ -81,6 +84,47 @@ def test_metrics_have_the_columns_of_an_environment_and_the_controls_of_a_rule()
     assert (rows.weight_change_mean[rows.controller == names[0]] == 0).all()
     own, frozen = (rows[rows.controller == name].reset_index() for name in (names[1], names[-1]))
     assert (own.return_before == frozen.return_before).all()
+
+
+def drawn_signs(stream, count):
+    return stream.choice([-1.0, 1.0], count)
+
+
+@pytest.mark.usefixtures("here")
+def test_the_seed_draws_the_shuffled_signs_of_an_evolution_and_its_champion_keeps_them():
+    words = [*CARTPOLE, "hebbian=abcd", "hebbian.sign=shuffled", "seed=5", "environment.processes=1", "figures=none"]
+    config = load_any("evolve", words)
+    count = config.network_made.synapses
+    signs = drawn_signs(rng(5, Stream.shuffled_signs), count)
+    population = np.random.default_rng(1).uniform(-1, 1, (4, plan_of(config.network_made, ABCD).genes))
+    found = world_of(config).evaluator(config.network_made, 1).evaluate(population, 0)[0]
+    seeds = [seed_of(5, Stream.training_noise, 0, loop) for loop in range(config.schedule.loops)]
+    lives = run_lifetimes(config, [Work(0, genes, seeds, signs) for genes in population], 1)
+    assert list(found) == [np.mean([lived.fitness for lived in one]) for one in lives]
+    done("evolve", *words, "hydra.run.dir=evolved")
+    genome = load_genome("evolved", "")
+    np.testing.assert_array_equal(genome.signs, signs)
+    works = prepare_evaluation(load_any("evaluate", ["environment=cartpole", "genome=evolved"])).world.works(
+        genome, [0]
+    )
+    shown = {1: signs, 2: np.ones(count), 3: -np.ones(count)}  # the rule, and its controls
+    for number, expected in shown.items():
+        np.testing.assert_array_equal(works[number].signs, expected)
+    assert "hebbian.sign_draw" in refused("evaluate", "genome=evolved", "hebbian.sign_draw=1")
+
+
+@pytest.mark.usefixtures("runs")
+def test_each_controller_has_the_draw_of_signs_that_it_names():
+    draws = [f"compare.draw_{draw}={{sign: shuffled, sign_draw: {draw}}}" for draw in (0, 1, 4)]
+    config = load_any("evaluate", ["environment=cartpole", "genome=abcd", "hebbian.sign_draw=4", *draws])
+    genome = load_genome("abcd", "")
+    place = zlib.crc32(genome.genes.tobytes())
+    names = [controller.name for controller in config.controllers]
+    signs = dict(zip(names, (work.signs for work in world_of(config).works(genome, [0])), strict=True))
+    for name, draw in (("abcd (shuffled)", 4), ("draw_0", 0), ("draw_1", 1), ("draw_4", 4)):
+        expected = drawn_signs(rng(1 + draw, Stream.shuffled_signs, place), config.network_made.synapses)
+        np.testing.assert_array_equal(signs[name], expected)
+    assert "compare.x.sign_draw" in refused("evaluate", "genome=abcd", "compare.x={sign_draw: 1}")
 
 
 @pytest.mark.usefixtures("runs")

@@ -89,9 +89,6 @@ class EnvironmentConfig(Checked):
         rule.check_wiring(self.shape)
         if rule.control is not Control.none:
             raise ValueError(f"hebbian.control={rule.control.name} is for the maze; in an environment it is none")
-        if rule.sign_draw and rule.sign is Sign.shuffled:
-            given = f"hebbian.sign=shuffled in an environment, got {rule.sign_draw}"
-            raise ValueError(f"hebbian.sign_draw must be 0 with {given}")
 
     @property
     def threads(self) -> int:
@@ -161,7 +158,11 @@ class EvaluateEnvironment(Evaluates, EnvironmentConfig):
         own = [Controller(name=name, rule=rule) for name, rule in named.items()]
         self.controllers = self.compared(main, own, _RATE)
         for controller in self.controllers[len(own) :]:
-            self.check_rule(controller.rule)
+            rule = controller.rule
+            self.check_rule(rule)
+            if rule.sign is not Sign.shuffled and rule.sign_draw not in (0, self.rule.sign_draw):
+                got = f"got {rule.sign.name}"
+                raise ValueError(f"compare.{controller.name}.sign_draw={rule.sign_draw} needs sign: shuffled, {got}")
 
 
 def world_of(settings: Environment) -> World:

@@ -23,9 +23,9 @@ from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.control import Sign, signs, signs_of_draw
-from epuckhebb.controller.plasticity.rule import NoRule
+from epuckhebb.controller.plasticity.rule import NoRule, Rule
 from epuckhebb.controller.random import Stream
-from epuckhebb.evolution.evolve import Evaluator
+from epuckhebb.evolution.evolve import Evaluator, training_signs
 from epuckhebb.runs import hydra
 from epuckhebb.runtime import ConfigError, compiling, refusing
 from epuckhebb.store import Genome
@@ -99,7 +99,8 @@ class _Evaluator(Evaluator):
         """Mean fitness of each individual, nan for success, no measures, and the steps that were run."""
         seed, loops = self.config.seed, range(self.lifetimes)
         seeds = tuple(seed_of(seed, Stream.training_noise, generation, loop) for loop in loops)
-        works = [Work(0, genes, seeds) for genes in population]
+        signs = training_signs(self.config.rule, self.config.network_made, seed)
+        works = [Work(0, genes, seeds, signs) for genes in population]
         found = run_lifetimes(self.config, works, self.processes, self.config.schedule.generations)
         fitness = np.array([np.mean([lived.fitness for lived in lives]) for lives in found])
         steps = sum(len(lived.rewards) for lives in found for lived in lives)
@@ -153,14 +154,19 @@ class Gymnasium(World):
     def works(self, genome: Genome, repeats: Iterable[int], *, record: bool = True) -> list[Work]:
         """The lifetimes of each controller, one by one; all have the same seeds."""
         config, genes = self.config, genome.genes
-        drawn = signs_of_draw(config.rule.sign_draw, zlib.crc32(genes.tobytes()))
-        control = signs(Sign.shuffled, config.network_made.synapses, drawn)
+        place = zlib.crc32(genes.tobytes())
+
+        def signs_of(rule: Rule) -> Floats:
+            if rule.sign is Sign.shuffled and genome.signs is not None:
+                return genome.signs
+            return signs(rule.sign, config.network_made.synapses, signs_of_draw(rule.sign_draw, place))
+
         return [
             Work(
                 number,
                 genome.plan.pick(genes, plan_of(config.network_made, type(tested.rule))),
                 (seed_of(config.seed, Stream.evaluation_noise, repeat),),
-                control if tested.rule.sign is Sign.shuffled and config.rule.sign is not Sign.shuffled else None,
+                signs_of(tested.rule),
                 record=record,
             )
             for number, tested in enumerate(config.controllers)
