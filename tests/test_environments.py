@@ -697,6 +697,62 @@ def test_a_champion_of_an_environment_is_refused_elsewhere():
     assert call("evolve", "environment=tmaze", "--cfg", "job").stdout == call("evolve", "--cfg", "job").stdout
 
 
+TWINS = """
+import gymnasium
+import numpy as np
+
+
+class One(gymnasium.Env):
+    observation_space = gymnasium.spaces.Box(-1, 1, (2,), np.float64)
+    action_space = gymnasium.spaces.Box(-1, 1, (1,), np.float64)
+
+    def __init__(self, gain=1.0):
+        self.gain = gain
+
+    def reset(self, *, seed=None, options=None):
+        return np.zeros(2), {}
+
+    def step(self, action):
+        return np.full(2, 0.5), self.gain, False, False, {}
+
+
+class Two(One):
+    pass
+"""
+
+
+@pytest.mark.usefixtures("here")
+def test_settings_of_an_environment_are_taken_over_by_the_same_one_alone():
+    Path("envs.py").write_text(TWINS)
+    evolved = ["environment.options={gain: 3}", "environment.scale=0.5", "environment.step_s=0.2", "seed=4"]
+    few = ["optimizer.population=4", "optimizer.generations=1", "environment.processes=1", "figures=none"]
+    done("evolve", "environment=envs.py:One", *evolved, *few)
+    (run,) = Path("runs/evolve").iterdir()
+    assert run.name.endswith("_One_seed4")
+    shutil.copy(run / "champion.npz", "moved.npz")
+
+    def settings(*words):
+        its = load_any("evaluate", ["environment=envs.py:One", *words]).environment
+        return its.options, its.scale, its.step_s
+
+    assert settings(f"genome={run}") == ({"gain": 3}, 0.5, 0.2)
+    assert settings(f"genome={run}", "environment=envs.py:Two") == ({}, None, 0.05)
+    few = ["repeats=1", "figures=none", "environment.processes=1"]
+    for genome, different in ((run, set()), ("moved.npz", {"options", "scale", "step_s"})):
+        done("evaluate", f"genome={genome}", "environment=envs.py:One", *few, f"hydra.run.dir=of_{Path(genome).stem}")
+        notes = " ".join(Run(Path(f"of_{Path(genome).stem}")).provenance.get("notes", []))
+        assert set(re.findall(r"environment\.(\w+)=", notes)) == different
+        assert pd.read_csv(f"of_{Path(genome).stem}/metrics.csv")["return"][0] == (1000 if different else 3000)
+
+
+@pytest.mark.usefixtures("here")
+def test_what_has_no_id_and_no_genome_names_both_keys():
+    said = refused("evaluate", "genome=runs/evolve/missing", "environment=gym")
+    assert "genome=runs/evolve/missing" in said
+    assert "environment.id" in said
+    assert "Malformed" not in refused("evolve", "environment=gym")
+
+
 def test_an_environment_that_goes_elsewhere_takes_no_result_along(here):
     (here / "mine.py").write_text(
         "import os\nimport gymnasium\nimport numpy as np\n\n\nclass Away(gymnasium.Env):\n"

@@ -9,12 +9,12 @@ from inspect import isfunction
 from pathlib import Path
 from typing import Any, ClassVar
 
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 
 from epuckhebb.config import build
 from epuckhebb.config.overrides import ANY, OF_ENVIRONMENT, parsed, value_text
 from epuckhebb.config.parts import NONE, Layers, part_from
-from epuckhebb.config.plugins import class_named, is_own, object_named
+from epuckhebb.config.plugins import class_named, is_own, object_named, place_files
 from epuckhebb.config.schema import Checked, Evaluates, Evolves, Figures, register
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.control import Control, Sign
@@ -168,8 +168,16 @@ class EvaluateEnvironment(Evaluates, EnvironmentConfig):
 def world_of(settings: Environment) -> World:
     """The world of settings; it is checked where it is used first."""
     functions = {change[FUNCTION]: _function(change[FUNCTION]) for change in settings.changes if FUNCTION in change}
-    own = settings.id.rpartition(":")[2] if settings.name == ANY else settings.name
-    return World(settings=replace(settings, name=own), make=Maker(settings, _entry(settings.id)), functions=functions)
+    return World(
+        settings=replace(settings, name=shown_name(settings)),
+        make=Maker(settings, _entry(settings.id)),
+        functions=functions,
+    )
+
+
+def shown_name(settings: Any) -> str:
+    """What tables and folders call an environment: its row, or else its class, or its id without the package."""
+    return str(settings.id).rpartition(":")[2] if settings.name == ANY else str(settings.name)
 
 
 def _entry(text: str) -> Callable[..., Any] | None:
@@ -220,15 +228,19 @@ def complete(cfg: DictConfig, choices: Mapping[str, str], overrides: Sequence[st
     environment.name = environment.name or choices["environment"]
     if "repeats" in cfg and not before and not is_typed("environment"):
         raise ConfigError(f"genome={cfg.genome} is of no evolution in an environment; give environment=NAME")
+    place_files({"environment": environment})
     is_same = bool(before) and before["environment"]["name"] == environment.name
+    if is_same and is_typed("environment.id"):
+        is_same = before["environment"]["id"] == environment.id
     for group in before.keys() & ({"network", "hebbian"} - set(words) | ({"environment"} if is_same else set())):
         for key, value in before[group].items():
             if not is_typed(f"{group}.{key}") and key not in ("change", "changes", "processes"):
                 cfg[group][key] = value
     if "repeats" in cfg and not is_typed("environment.horizon"):
         environment.horizon *= 2
-    if OmegaConf.is_missing(environment, "id"):
-        raise ConfigError(f"environment={ANY} needs environment.id, an id of Gymnasium or FILE.py:NAME")
+    if not environment.id:
+        of_none = f"genome={cfg.genome} is of no evolution in an environment, and " if "repeats" in cfg else ""
+        raise ConfigError(f"{of_none}environment={ANY} needs environment.id, an id of Gymnasium or FILE.py:NAME")
     if environment.change is not None:
         if environment.change not in environment.named or environment.changes:
             names, where = ", ".join(environment.named) or "none", f"in environment={environment.name}"

@@ -19,7 +19,7 @@ from epuckhebb.config.build import scenario_from
 from epuckhebb.config.catalogue import NULL
 from epuckhebb.config.errors import explain
 from epuckhebb.config.parts import KINDS, NONE, PAPER, PART_GROUPS, part_class, part_from
-from epuckhebb.config.plugins import own_references
+from epuckhebb.config.plugins import place_files
 from epuckhebb.config.schema import ScenarioConfig, WorldConfig
 from epuckhebb.config.source import BROUGHT, change_row, choice, merge, named
 from epuckhebb.controller.wiring import LAYERS
@@ -339,14 +339,15 @@ def _text(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def world_name(scenario: str, changed: str | None) -> str:
-    """A world as part of the name of a folder: the scenario, and what differs from it."""
-    parts = [scenario, *(changed.split(", ") if changed else [])]
+def world_name(cfg: DictConfig) -> str:
+    """A world as part of the name of a folder: the environment, or the scenario, and what differs from it."""
+    if "environment" in cfg:
+        parts = [environments.shown_name(cfg.environment)]
+    else:
+        parts = [cfg.scenario.name, *(cfg.changed.split(", ") if cfg.changed else [])]
     return "+".join(re.sub(r"[^\w.]+", "-", part) for part in parts)[:_LONGEST].rstrip("+-")
 
 
 def find_own_files(cfg: DictConfig) -> None:
     """Write down where the user's files are."""
-    groups = (group for group in (*PART_GROUPS, "environment") if group in cfg)
-    for part, key, path, name in list(own_references({group: cfg[group] for group in groups})):
-        part[key] = f"{path.absolute()}:{name}"
+    place_files({group: cfg[group] for group in (*PART_GROUPS, "environment") if group in cfg})

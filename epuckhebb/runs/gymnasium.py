@@ -6,6 +6,7 @@ are bit-identical with any number of processes.
 
 import io
 import itertools
+import json
 import math
 import time
 import zlib
@@ -36,6 +37,10 @@ from epuckhebb.worlds.world import Figures, World, Write
 _CHUNKS = 4  # of the work of each process, whose parts take different times
 _WORTH_S = 20.0  # of work, from which on processes are worth their start
 _MOST_SEED = 2**31 - 1
+_READ_BY = (  # settings of an environment that a champion's file keeps
+    *("options", "scale", "reward_scale", "neutral_fitness", "reads_reward", "learns_after_move", "reward_weights"),
+    "step_s",
+)
 _FRAMES, _FRAME_MS, _CHANGED = 200, 40, "#D55E00"  # of a film; around what is after a change
 
 
@@ -120,9 +125,18 @@ class Gymnasium(World):
 
     @property
     def facts(self) -> Mapping[str, Any]:
-        """The name of the environment, and of what evolution maximised."""
+        """The name of the environment, how it is read, and the name of what evolution maximised."""
         name, judge = self.config.world.name, self.config.judge
-        return {"robot": name, "lights": 0, "environment": name, "fitness_function": judge.name if judge else ""}
+        its = {"environment": name, "environment_settings": json.dumps(self._read_by)}
+        return {"robot": name, "lights": 0, **its, "fitness_function": judge.name if judge else ""}
+
+    @property
+    def _read_by(self) -> dict[str, Any]:
+        """The settings on which it depends what a controller reads and is rewarded for, whatever happens later."""
+        read_by: dict[str, Any] = json.loads(
+            json.dumps({key: getattr(self.config.environment, key) for key in _READ_BY}, default=str)
+        )
+        return read_by
 
     def check_genome(self, genome: Genome) -> None:
         """Refuse a genome for another network."""
@@ -133,9 +147,15 @@ class Gymnasium(World):
 
     def notes(self, genome: Genome | None = None) -> list[str]:
         """What random actions show of the environment, and how the evolution of a champion differs."""
-        notes = []
-        if genome is not None and genome.environment not in ("", self.config.world.name):
+        notes, name = list[str](), self.config.world.name
+        if genome is not None and genome.environment not in ("", name):
             notes.append(f"This champion was evolved in {genome.environment}.")
+        elif genome is not None and genome.environment_settings:
+            before, here = json.loads(genome.environment_settings), self._read_by
+            others = [
+                f"environment.{key}={before[key]}, not {here[key]}" for key in _READ_BY if before[key] != here[key]
+            ]
+            notes += [f"This champion was evolved with {other}." for other in others]
         if genome is not None and genome.rule and isinstance(self.config.rule, NoRule):
             notes.append(f"This champion was evolved with the rule {genome.rule}, which is off here.")
         with refusing():

@@ -30,7 +30,6 @@ from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
 from epuckhebb.worlds.world import Figures, World, Write
 
-
 if TYPE_CHECKING:
 
     class _Settings(EvaluateConfig, EvolveConfig):  # type: ignore[misc]
