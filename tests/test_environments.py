@@ -22,7 +22,7 @@ from epuckhebb.analysis.environments import effects, lifetime_course, readable, 
 from epuckhebb.config import load_any
 from epuckhebb.controller.controller import Controller
 from epuckhebb.controller.genome import plan_of
-from epuckhebb.controller.plasticity.rule import Normalise
+from epuckhebb.controller.plasticity.rule import Normalise, NoRule
 from epuckhebb.controller.plasticity.rules.abcd import ABCD
 from epuckhebb.controller.random import Stream, rng
 from epuckhebb.runs import prepare_evaluation
@@ -751,6 +751,21 @@ def test_what_has_no_id_and_no_genome_names_both_keys():
     assert "genome=runs/evolve/missing" in said
     assert "environment.id" in said
     assert "Malformed" not in refused("evolve", "environment=gym")
+
+
+def test_what_is_compared_has_the_name_and_the_settings_of_a_run_of_its_own():
+    words = ["environment=cartpole", "genome=x", "hebbian=oja"]
+
+    def controllers(*more):
+        return load_any("evaluate", [*words, *more]).controllers
+
+    (alone,) = (one.rule for one in controllers("hebbian=paper") if one.name == "paper")
+    assert [one.rule for one in controllers("compare=[paper]") if one.name == "paper"] == [alone]
+    assert controllers("compare=[none]") == controllers()
+    plain = controllers("compare.plain={rule: none}")[-1]
+    assert (plain.name, type(plain.rule)) == ("plain", NoRule)
+    with pytest.raises(ConfigError, match=r"compare\.x"):
+        controllers("compare.x=3")
 
 
 def test_an_environment_that_goes_elsewhere_takes_no_result_along(here):

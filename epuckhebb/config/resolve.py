@@ -93,7 +93,11 @@ def _resolve(
         _, is_own, kind = str(added.change_signal).rpartition(":")
         cfg.adaptation.name = kind.lower() if is_own else choices["adaptation"]
     if cfg.get("compare"):
-        cfg.compare = dict(_compared(str(name), given, folders) for name, given in cfg.compare.items())
+        ours = (HEBBIAN, {"rule": PAPER})  # the paper's rule, which the run has anyway
+        cfg.compare = dict(
+            ours if given is None and name in (NONE, PAPER) else (str(name), _compared(str(name), given, folders))
+            for name, given in cfg.compare.items()
+        )
     if ":" in str((cfg.get("optimizer") or {}).get("algorithm")) and not any(map(_OF_GA.match, overrides)):
         cfg.ga = None
     _complete_parts(cfg)
@@ -138,38 +142,39 @@ def _idle(cfg: DictConfig) -> tuple[str, ...]:
     return (*_ignored(cfg), *(() if may_stand else ("maze.obstacles", "scenario.layout")))
 
 
-def _compared(name: str, given: Any, folders: Sequence[Path]) -> tuple[str, Any]:
-    """What is compared, by its name; a name alone stands for the adaptation or the rule of this name."""
-    if given is None and name in (NONE, PAPER):  # the run has it anyway
-        return HEBBIAN, {"rule": PAPER}
+def _compared(name: str, given: Any, folders: Sequence[Path]) -> Any:
+    """The settings of what is compared; a name alone stands for the adaptation or the rule of this name."""
     try:
         if given is None:
             is_adaptation = any(choice(folder, "adaptation", name) for folder in folders)
             added = _added("adaptation" if is_adaptation else "hebbian", name, folders)
-            return name, {**added["hebbian"], **({"adaptation": added["adaptation"]} if is_adaptation else {})}
+            return {**added["hebbian"], **({"adaptation": added["adaptation"]} if is_adaptation else {})}
         if isinstance(given, DictConfig) and given.get("rule") in {*conf.table("hebbian")} - {NONE, PAPER}:
             given = OmegaConf.merge(_added("hebbian", given.rule, folders)["hebbian"], given)
         if isinstance(given, DictConfig) and isinstance(given.get("adaptation"), str):
             given.adaptation = _added("adaptation", given.adaptation, folders)["adaptation"]
     except ConfigError as error:
         raise ConfigError(f"compare.{name}: {error}") from error
-    return name, given
+    return given
 
 
 def _compare_in_environment(cfg: DictConfig, folders: Sequence[Path]) -> None:
     """Look up what is compared, and give the rules what they have in environments, but for what was typed."""
     for name, given in dict(cfg.get("compare") or {}).items():
-        del cfg.compare[name]
-        shown, settings = _compared(str(name), given, folders)
-        cfg.compare[shown] = settings
-        if "adaptation" in settings:
+        if given is None and name == NONE:  # the run has it anyway
+            del cfg.compare[name]
+            continue
+        cfg.compare[name] = _compared(str(name), given, folders)
+        rule, typed = cfg.compare[name], {*(given if isinstance(given, Mapping) else ())}
+        if not isinstance(rule, Mapping):
+            continue  # which the schema refuses
+        if "adaptation" in rule:
             raise ConfigError(
                 f"compare.{name}: adaptations are for the maze, and this is environment={cfg.environment.name}"
             )
-        rule, typed = cfg.compare[shown], {*(given if isinstance(given, Mapping) else ())}
         if "rule" not in rule and cfg.hebbian.get("rule") in (None, NONE):
             rule.rule = PAPER
-        if "rule" in rule:
+        if rule.get("rule", NONE) != NONE:
             choice = str(name if given is None else rule.rule)
             environments.fit_rule(rule, choice, cfg.network, typed.__contains__)
 

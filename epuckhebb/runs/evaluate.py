@@ -110,7 +110,8 @@ def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:
     named = [word for word in words if word.startswith("genome=")]
     if environment := [value_of(word) for word in words if word.startswith("environment=")]:
         is_given = named or environment[-1] == "tmaze"
-        return words if is_given else [*words, f"genome={quoted(str(_latest_in(environment[-1])))}"]
+        ids = [value_of(word) for word in words if word.startswith("environment.id=")]
+        return words if is_given else [*words, f"genome={quoted(str(_latest_in([*environment, *ids][-1])))}"]
     if not named:
         return words
     (words_of,) = alternatives(named[-1:]).values()
