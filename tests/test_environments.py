@@ -768,6 +768,23 @@ def test_what_is_compared_has_the_name_and_the_settings_of_a_run_of_its_own():
         controllers("compare.x=3")
 
 
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["environment.population=3"], "environment.population"),
+        (["environment.loops=3"], "environment.loops"),
+        (["environment.changes=[{at: 5, length: 2, length: 3}]"], "environment.changes"),
+        (["compare.x={rule: oja, N: 1e-3, N: 1e-2}"], "compare.x"),
+        (["environment.named.foo=3"], "environment.named.foo"),
+    ],
+)
+@pytest.mark.usefixtures("here")
+def test_what_would_do_nothing_is_refused(words, text):
+    said = refused("evaluate", "environment=cartpole", "genome=x.npz", *words)
+    assert text in said
+    assert f"mean {text}" not in said
+
+
 def test_an_environment_that_goes_elsewhere_takes_no_result_along(here):
     (here / "mine.py").write_text(
         "import os\nimport gymnasium\nimport numpy as np\n\n\nclass Away(gymnasium.Env):\n"

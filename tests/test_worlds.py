@@ -322,6 +322,14 @@ def test_texts_are_left_out_and_a_note_says_so():
     np.testing.assert_array_equal(told, run(changes=[{"at": 3, "dead_readings": [0]}])[0])
 
 
+def test_actions_with_a_text_are_refused():
+    class Says(Sum):
+        action_space = Dict({"move": Box(-1.0, 1.0, (1,)), "say": Text(3)})
+
+    with pytest.raises(ValueError, match="environment here: actions"):
+        world(Says)[0].check()
+
+
 @pytest.mark.parametrize("space", [Text(3), Dict({"a": Text(3)}), gymnasium.spaces.Sequence(Discrete(2))])
 def test_spaces_that_hold_no_fixed_numbers_are_refused(space):
     with pytest.raises(ValueError, match="environment here: observations"):

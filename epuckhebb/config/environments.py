@@ -33,6 +33,7 @@ from epuckhebb.worlds.making import Maker, gymnasium
 SIGNAL = "reward"  # the live fitness in environments
 RETURN = "return"  # the fitness unless there is another one
 WITHOUT, FROZEN = "without plasticity", "frozen at the change"
+_OF_EVOLUTION = ("population", "generations", "loops")  # keys of an environment that no lifetime has
 _RATE = 0.002  # N of a rule whose row has that of the maze
 _USUAL = {"floor": 1.0, "N_gain_rad_s": 0.0}  # of all rules
 _AS_PAPERS: dict[str, Any] = {
@@ -228,6 +229,8 @@ def complete(cfg: DictConfig, choices: Mapping[str, str], overrides: Sequence[st
     environment.name = environment.name or choices["environment"]
     if "repeats" in cfg and not before and not is_typed("environment"):
         raise ConfigError(f"genome={cfg.genome} is of no evolution in an environment; give environment=NAME")
+    if "repeats" in cfg and (idle := [key for key in _OF_EVOLUTION if is_typed(f"environment.{key}")]):
+        raise ConfigError(f"environment.{idle[0]} is for evolve: an evaluation has no such key")
     place_files({"environment": environment})
     is_same = bool(before) and before["environment"]["name"] == environment.name
     if is_same and is_typed("environment.id"):
@@ -259,7 +262,7 @@ def complete(cfg: DictConfig, choices: Mapping[str, str], overrides: Sequence[st
             typed = [key for key in cfg.optimizer if is_typed(f"optimizer.{key}")]
             cfg.ga, cfg.optimizer = None, {key: cfg.optimizer[key] for key in typed}
         group = "optimizer" if cfg.ga is None else "ga"
-        for key in ("population", "generations", "loops"):
+        for key in _OF_EVOLUTION:
             if not is_typed(f"{group}.{key}"):
                 cfg[group][key] = environment[key]
 
