@@ -166,7 +166,7 @@ def _compare_in_environment(cfg: DictConfig, folders: Sequence[Path]) -> None:
             continue
         cfg.compare[name] = _compared(str(name), given, folders)
         rule, typed = cfg.compare[name], {*(given if isinstance(given, Mapping) else ())}
-        if not isinstance(rule, Mapping):
+        if not isinstance(rule, DictConfig):
             continue  # which the schema refuses
         if "adaptation" in rule:
             raise ConfigError(
