@@ -43,7 +43,7 @@ def test_every_column_is_described():
     assert described_columns("reversal.csv") == list(reversal.COLUMNS)
     one = np.zeros(1)
     last = {"champion": one, "champion_fitness": 0.0, "log": (), "tables": {}, "robot_steps": 0}
-    history = history_row(Generation(number=0, fitness=one, success=one, again=(0.0, 0.0), **last))
+    history = history_row(Generation(number=0, fitness=one, success=one, remeasured=(0.0, 0.0), **last))
     assert described_columns("history.csv") == list(history)
     lifetime = pd.DataFrame([dict.fromkeys([*evaluate.COLUMNS, "rewarded_share"], "1")])
     written = list(summary.summary(lifetime, ["light"]))
