@@ -5,6 +5,7 @@ import math
 import re
 import shutil
 import sys
+import zlib
 from contextlib import chdir
 from functools import partial
 from pathlib import Path
@@ -22,10 +23,12 @@ from epuckhebb.analysis.environments import effects, lifetime_course, readable, 
 from epuckhebb.config import load_any
 from epuckhebb.controller.controller import Controller
 from epuckhebb.controller.genome import plan_of
-from epuckhebb.controller.plasticity.rule import Normalise
+from epuckhebb.controller.plasticity.rule import Normalise, NoRule
 from epuckhebb.controller.plasticity.rules.abcd import ABCD
 from epuckhebb.controller.random import Stream, rng
-from epuckhebb.runs.gymnasium import run_lifetimes
+from epuckhebb.runs import prepare_evaluation
+from epuckhebb.runs.gymnasium import run_lifetimes, seed_of
+from epuckhebb.runs.world import world_of
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Run, load_genome
 from epuckhebb.worlds.changes import CHANGES, Faults, apply
@@ -82,6 +85,47 @@ def test_metrics_have_the_columns_of_an_environment_and_the_controls_of_a_rule()
     assert (rows.weight_change_mean[rows.controller == names[0]] == 0).all()
     own, frozen = (rows[rows.controller == name].reset_index() for name in (names[1], names[-1]))
     assert (own.return_before == frozen.return_before).all()
+
+
+def drawn_signs(stream, count):
+    return stream.choice([-1.0, 1.0], count)
+
+
+@pytest.mark.usefixtures("here")
+def test_the_seed_draws_the_shuffled_signs_of_an_evolution_and_its_champion_keeps_them():
+    words = [*CARTPOLE, "hebbian=abcd", "hebbian.sign=shuffled", "seed=5", "environment.processes=1", "figures=none"]
+    config = load_any("evolve", words)
+    count = config.network_made.synapses
+    signs = drawn_signs(rng(5, Stream.shuffled_signs), count)
+    population = np.random.default_rng(1).uniform(-1, 1, (4, plan_of(config.network_made, ABCD).genes))
+    found = world_of(config).evaluator(config.network_made, 1).evaluate(population, 0)[0]
+    seeds = [seed_of(5, Stream.training_noise, 0, loop) for loop in range(config.schedule.loops)]
+    lives = run_lifetimes(config, [Work(0, genes, seeds, signs) for genes in population], 1)
+    assert list(found) == [np.mean([lived.fitness for lived in one]) for one in lives]
+    done("evolve", *words, "hydra.run.dir=evolved")
+    genome = load_genome("evolved", "")
+    np.testing.assert_array_equal(genome.signs, signs)
+    works = prepare_evaluation(load_any("evaluate", ["environment=cartpole", "genome=evolved"])).world.works(
+        genome, [0]
+    )
+    shown = {1: signs, 2: np.ones(count), 3: -np.ones(count)}  # the rule, and its controls
+    for number, expected in shown.items():
+        np.testing.assert_array_equal(works[number].signs, expected)
+    assert "hebbian.sign_draw" in refused("evaluate", "genome=evolved", "hebbian.sign_draw=1")
+
+
+@pytest.mark.usefixtures("runs")
+def test_each_controller_has_the_draw_of_signs_that_it_names():
+    draws = [f"compare.draw_{draw}={{sign: shuffled, sign_draw: {draw}}}" for draw in (0, 1, 4)]
+    config = load_any("evaluate", ["environment=cartpole", "genome=abcd", "hebbian.sign_draw=4", *draws])
+    genome = load_genome("abcd", "")
+    place = zlib.crc32(genome.genes.tobytes())
+    names = [controller.name for controller in config.controllers]
+    signs = dict(zip(names, (work.signs for work in world_of(config).works(genome, [0])), strict=True))
+    for name, draw in (("abcd (shuffled)", 4), ("draw_0", 0), ("draw_1", 1), ("draw_4", 4)):
+        expected = drawn_signs(rng(1 + draw, Stream.shuffled_signs, place), config.network_made.synapses)
+        np.testing.assert_array_equal(signs[name], expected)
+    assert "compare.x.sign_draw" in refused("evaluate", "genome=abcd", "compare.x={sign_draw: 1}")
 
 
 @pytest.mark.usefixtures("runs")
@@ -701,6 +745,94 @@ def test_a_champion_of_an_environment_is_refused_elsewhere():
     ):
         refused(*words)
     assert call("evolve", "environment=tmaze", "--cfg", "job").stdout == call("evolve", "--cfg", "job").stdout
+
+
+TWINS = """
+import gymnasium
+import numpy as np
+
+
+class One(gymnasium.Env):
+    observation_space = gymnasium.spaces.Box(-1, 1, (2,), np.float64)
+    action_space = gymnasium.spaces.Box(-1, 1, (1,), np.float64)
+
+    def __init__(self, gain=1.0):
+        self.gain = gain
+
+    def reset(self, *, seed=None, options=None):
+        return np.zeros(2), {}
+
+    def step(self, action):
+        return np.full(2, 0.5), self.gain, False, False, {}
+
+
+class Two(One):
+    pass
+"""
+
+
+@pytest.mark.usefixtures("here")
+def test_settings_of_an_environment_are_taken_over_by_the_same_one_alone():
+    Path("envs.py").write_text(TWINS)
+    evolved = ["environment.options={gain: 3}", "environment.scale=0.5", "environment.step_s=0.2", "seed=4"]
+    few = ["optimizer.population=4", "optimizer.generations=1", "environment.processes=1", "figures=none"]
+    done("evolve", "environment=envs.py:One", *evolved, *few)
+    (run,) = Path("runs/evolve").iterdir()
+    assert run.name.endswith("_One_seed4")
+    shutil.copy(run / "champion.npz", "moved.npz")
+
+    def settings(*words):
+        its = load_any("evaluate", ["environment=envs.py:One", *words]).environment
+        return its.options, its.scale, its.step_s
+
+    assert settings(f"genome={run}") == ({"gain": 3}, 0.5, 0.2)
+    assert settings(f"genome={run}", "environment=envs.py:Two") == ({}, None, 0.05)
+    few = ["repeats=1", "figures=none", "environment.processes=1"]
+    for genome, different in ((run, set()), ("moved.npz", {"options", "scale", "step_s"})):
+        done("evaluate", f"genome={genome}", "environment=envs.py:One", *few, f"hydra.run.dir=of_{Path(genome).stem}")
+        notes = " ".join(Run(Path(f"of_{Path(genome).stem}")).provenance.get("notes", []))
+        assert set(re.findall(r"environment\.(\w+)=", notes)) == different
+        assert pd.read_csv(f"of_{Path(genome).stem}/metrics.csv")["return"][0] == (1000 if different else 3000)
+
+
+@pytest.mark.usefixtures("here")
+def test_what_has_no_id_and_no_genome_names_both_keys():
+    said = refused("evaluate", "genome=runs/evolve/missing", "environment=gym")
+    assert "genome=runs/evolve/missing" in said
+    assert "environment.id" in said
+    assert "Malformed" not in refused("evolve", "environment=gym")
+
+
+def test_what_is_compared_has_the_name_and_the_settings_of_a_run_of_its_own():
+    words = ["environment=cartpole", "genome=x", "hebbian=oja"]
+
+    def controllers(*more):
+        return load_any("evaluate", [*words, *more]).controllers
+
+    (alone,) = (one.rule for one in controllers("hebbian=paper") if one.name == "paper")
+    assert [one.rule for one in controllers("compare=[paper]") if one.name == "paper"] == [alone]
+    assert controllers("compare=[none]") == controllers()
+    plain = controllers("compare.plain={rule: none}")[-1]
+    assert (plain.name, type(plain.rule)) == ("plain", NoRule)
+    with pytest.raises(ConfigError, match=r"compare\.x"):
+        controllers("compare.x=3")
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["environment.population=3"], "environment.population"),
+        (["environment.loops=3"], "environment.loops"),
+        (["environment.changes=[{at: 5, length: 2, length: 3}]"], "environment.changes"),
+        (["compare.x={rule: oja, N: 1e-3, N: 1e-2}"], "compare.x"),
+        (["environment.named.foo=3"], "environment.named.foo"),
+    ],
+)
+@pytest.mark.usefixtures("here")
+def test_what_would_do_nothing_is_refused(words, text):
+    said = refused("evaluate", "environment=cartpole", "genome=x.npz", *words)
+    assert text in said
+    assert f"mean {text}" not in said
 
 
 def test_an_environment_that_goes_elsewhere_takes_no_result_along(here):

@@ -242,10 +242,8 @@ def test_a_champion_keeps_what_its_rule_evolved(champions, monkeypatch, tmp_path
     done("rerun", "again", "-q")
 
 
-@pytest.mark.thorough
 @pytest.mark.usefixtures("here")
-def test_a_champion_keeps_the_shuffled_signs_with_which_it_evolved(monkeypatch, tmp_path):
-    monkeypatch.chdir(tmp_path)
+def test_a_champion_keeps_the_shuffled_signs_with_which_it_evolved():
     words = ["hebbian=baldwin", "hebbian.sign=shuffled"]
     done("evolve", *words, *TINY, "optimizer.generations=1", "seed=5", "threads=1", "hydra.run.dir=evolved")
     genome, other = load_genome("evolved", ""), load_genome("reference", "light")

@@ -110,6 +110,30 @@ def test_noise_of_readings_has_a_stream_of_its_own():
     assert not np.isin(drawn, worlds).any()
 
 
+@pytest.mark.parametrize("dies", [0, 4])
+def test_a_dead_reading_is_0_whatever_its_noise(dies):
+    changes = [{"at": 2, "noisy_readings": {0: 0.5, 1: 0.5}}, {"at": dies, "dead_readings": [0]}]
+    seen = run(changes=changes)[0]
+    assert (seen[dies:, 0] == 0).all()
+    assert (seen[:, 1] != 0).all()
+
+
+def test_faults_of_readings_leave_the_state_of_an_environment_alone():
+    class Lamps(Sum):
+        observation_space = MultiBinary(2)
+
+        def reset(self, *, seed=None, options=None):
+            self.lit = np.ones(2)
+            return self.lit, {}
+
+        def step(self, action):
+            return self.lit, float(self.lit.sum()), False, False, {}
+
+    made, _ = world(Lamps, [{"at": 1, "dead_readings": [0]}])
+    rewards = made.episode(Lamps(), lambda *_: np.zeros(1), 1, 3, made.changes)
+    assert rewards.tolist() == [2.0, 2.0, 2.0]
+
+
 def test_dead_readings_count_the_readings_that_a_controller_gets():
     seen, _ = run(changes=[{"at": 10, "dead_readings": [0, 2]}])
     assert (seen[10:, [0, 2]] == 0).all()
@@ -296,6 +320,14 @@ def test_texts_are_left_out_and_a_note_says_so():
     assert "left out: mission" in " ".join(made.findings.notes)
     told, _ = run(Told, changes=[{"at": 3, "dead_readings": ["image.0"]}])
     np.testing.assert_array_equal(told, run(changes=[{"at": 3, "dead_readings": [0]}])[0])
+
+
+def test_actions_with_a_text_are_refused():
+    class Says(Sum):
+        action_space = Dict({"move": Box(-1.0, 1.0, (1,)), "say": Text(3)})
+
+    with pytest.raises(ValueError, match="environment here: actions"):
+        world(Says)[0].check()
 
 
 @pytest.mark.parametrize("space", [Text(3), Dict({"a": Text(3)}), gymnasium.spaces.Sequence(Discrete(2))])

@@ -9,12 +9,12 @@ from inspect import isfunction
 from pathlib import Path
 from typing import Any, ClassVar
 
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 
 from epuckhebb.config import build
 from epuckhebb.config.overrides import ANY, OF_ENVIRONMENT, parsed, value_text
 from epuckhebb.config.parts import NONE, Layers, part_from
-from epuckhebb.config.plugins import class_named, is_own, object_named
+from epuckhebb.config.plugins import class_named, is_own, object_named, place_files
 from epuckhebb.config.schema import Checked, Evaluates, Evolves, Figures, register
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.control import Control, Sign
@@ -33,6 +33,7 @@ from epuckhebb.worlds.making import Maker, gymnasium
 SIGNAL = "reward"  # the live fitness in environments
 RETURN = "return"  # the fitness unless there is another one
 WITHOUT, FROZEN = "without plasticity", "frozen at the change"
+_OF_EVOLUTION = ("population", "generations", "loops")  # keys of an environment that no lifetime has
 _RATE = 0.002  # N of a rule whose row has that of the maze
 _USUAL = {"floor": 1.0, "N_gain_rad_s": 0.0}  # of all rules
 _AS_PAPERS: dict[str, Any] = {
@@ -89,9 +90,6 @@ class EnvironmentConfig(Checked):
         rule.check_wiring(self.shape)
         if rule.control is not Control.none:
             raise ValueError(f"hebbian.control={rule.control.name} is for the maze; in an environment it is none")
-        if rule.sign_draw and rule.sign is Sign.shuffled:
-            given = f"hebbian.sign=shuffled in an environment, got {rule.sign_draw}"
-            raise ValueError(f"hebbian.sign_draw must be 0 with {given}")
 
     @property
     def threads(self) -> int:
@@ -161,14 +159,26 @@ class EvaluateEnvironment(Evaluates, EnvironmentConfig):
         own = [Controller(name=name, rule=rule) for name, rule in named.items()]
         self.controllers = self.compared(main, own, _RATE)
         for controller in self.controllers[len(own) :]:
-            self.check_rule(controller.rule)
+            rule = controller.rule
+            self.check_rule(rule)
+            if rule.sign is not Sign.shuffled and rule.sign_draw not in (0, self.rule.sign_draw):
+                got = f"got {rule.sign.name}"
+                raise ValueError(f"compare.{controller.name}.sign_draw={rule.sign_draw} needs sign: shuffled, {got}")
 
 
 def world_of(settings: Environment) -> World:
     """The world of settings; it is checked where it is used first."""
     functions = {change[FUNCTION]: _function(change[FUNCTION]) for change in settings.changes if FUNCTION in change}
-    own = settings.id.rpartition(":")[2] if settings.name == ANY else settings.name
-    return World(settings=replace(settings, name=own), make=Maker(settings, _entry(settings.id)), functions=functions)
+    return World(
+        settings=replace(settings, name=shown_name(settings)),
+        make=Maker(settings, _entry(settings.id)),
+        functions=functions,
+    )
+
+
+def shown_name(settings: Any) -> str:
+    """What tables and folders call an environment: its row, or else its class, or its id without the package."""
+    return str(settings.id).rpartition(":")[2] if settings.name == ANY else str(settings.name)
 
 
 def _entry(text: str) -> Callable[..., Any] | None:
@@ -219,15 +229,21 @@ def complete(cfg: DictConfig, choices: Mapping[str, str], overrides: Sequence[st
     environment.name = environment.name or choices["environment"]
     if "repeats" in cfg and not before and not is_typed("environment"):
         raise ConfigError(f"genome={cfg.genome} is of no evolution in an environment; give environment=NAME")
+    if "repeats" in cfg and (idle := [key for key in _OF_EVOLUTION if is_typed(f"environment.{key}")]):
+        raise ConfigError(f"environment.{idle[0]} is for evolve: an evaluation has no such key")
+    place_files({"environment": environment})
     is_same = bool(before) and before["environment"]["name"] == environment.name
+    if is_same and is_typed("environment.id"):
+        is_same = before["environment"]["id"] == environment.id
     for group in before.keys() & ({"network", "hebbian"} - set(words) | ({"environment"} if is_same else set())):
         for key, value in before[group].items():
             if not is_typed(f"{group}.{key}") and key not in ("change", "changes", "processes"):
                 cfg[group][key] = value
     if "repeats" in cfg and not is_typed("environment.horizon"):
         environment.horizon *= 2
-    if OmegaConf.is_missing(environment, "id"):
-        raise ConfigError(f"environment={ANY} needs environment.id, an id of Gymnasium or FILE.py:NAME")
+    if not environment.id:
+        of_none = f"genome={cfg.genome} is of no evolution in an environment, and " if "repeats" in cfg else ""
+        raise ConfigError(f"{of_none}environment={ANY} needs environment.id, an id of Gymnasium or FILE.py:NAME")
     if environment.change is not None:
         if environment.change not in environment.named or environment.changes:
             names, where = ", ".join(environment.named) or "none", f"in environment={environment.name}"
@@ -246,7 +262,7 @@ def complete(cfg: DictConfig, choices: Mapping[str, str], overrides: Sequence[st
             typed = [key for key in cfg.optimizer if is_typed(f"optimizer.{key}")]
             cfg.ga, cfg.optimizer = None, {key: cfg.optimizer[key] for key in typed}
         group = "optimizer" if cfg.ga is None else "ga"
-        for key in ("population", "generations", "loops"):
+        for key in _OF_EVOLUTION:
             if not is_typed(f"{group}.{key}"):
                 cfg[group][key] = environment[key]
 

@@ -23,7 +23,7 @@ from epuckhebb.config.plugins import text_of
 from epuckhebb.config.schema import OPEN, SCHEMAS, literal
 from epuckhebb.controller.own_class import OwnClass
 from epuckhebb.runtime import ConfigError, conf, data_folder, did_you_mean
-from epuckhebb.runtime.yaml_file import check_numbers
+from epuckhebb.runtime.yaml_file import check_keys, check_numbers
 
 RUN_DIR, SWEEP_DIR = "hydra.run.dir=", "hydra.sweep.dir="
 _FORCED_DIR = re.compile(rf"^\+\+(?={RUN_DIR}|{SWEEP_DIR})")
@@ -104,6 +104,7 @@ def check_words(command: str, words: Sequence[str], *, several: bool = False) ->
         key, line = override.key_or_group, str(override.input_line)
         if key not in choices and not key.startswith(("hydra.", "hydra/")):
             check_numbers(line)
+            check_keys(line)
         if key == "changed":
             raise ConfigError("changed is filled in by the program, with what differs from the named scenario")
         value = override.value()
@@ -126,8 +127,8 @@ def check_words(command: str, words: Sequence[str], *, several: bool = False) ->
 
 def _below(key: str, groups: Iterable[str]) -> Iterator[str]:
     """The key below each group: `hebian.N` may be that of `hebbian`, whose keys the schema does not know."""
-    _, dot, rest = key.partition(".")
-    return (f"{group}.{rest}" for group in groups if dot and "." not in group)
+    first, dot, rest = key.partition(".")
+    return (f"{group}.{rest}" for group in groups if dot and "." not in group and group != first)
 
 
 @functools.cache

@@ -82,6 +82,12 @@ def own_references(config: Any) -> Iterator[tuple[Any, str, Path, str]]:
             yield config, str(key), path_of(match[1], str(key)), match[2]
 
 
+def place_files(config: Any) -> None:
+    """Write down where the user's files are that a configuration names."""
+    for part, key, path, name in list(own_references(config)):
+        part[key] = f"{path.absolute()}:{name}"
+
+
 def own_files(config: Any) -> dict[Path, OwnFile]:
     """The user's files that a configuration names, as they are now, by their paths as they stand there."""
     return {path: _own_file(path) for _, _, path, _ in own_references(config)}

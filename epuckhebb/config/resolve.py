@@ -19,7 +19,7 @@ from epuckhebb.config.build import scenario_from
 from epuckhebb.config.catalogue import NULL
 from epuckhebb.config.errors import explain
 from epuckhebb.config.parts import KINDS, NONE, PAPER, PART_GROUPS, part_class, part_from
-from epuckhebb.config.plugins import own_references
+from epuckhebb.config.plugins import place_files
 from epuckhebb.config.schema import ScenarioConfig, WorldConfig
 from epuckhebb.config.source import BROUGHT, change_row, choice, merge, named
 from epuckhebb.controller.wiring import LAYERS
@@ -93,7 +93,11 @@ def _resolve(
         _, is_own, kind = str(added.change_signal).rpartition(":")
         cfg.adaptation.name = kind.lower() if is_own else choices["adaptation"]
     if cfg.get("compare"):
-        cfg.compare = dict(_compared(str(name), given, folders) for name, given in cfg.compare.items())
+        ours = (HEBBIAN, {"rule": PAPER})  # the paper's rule, which the run has anyway
+        cfg.compare = dict(
+            ours if given is None and name in (NONE, PAPER) else (str(name), _compared(str(name), given, folders))
+            for name, given in cfg.compare.items()
+        )
     if ":" in str((cfg.get("optimizer") or {}).get("algorithm")) and not any(map(_OF_GA.match, overrides)):
         cfg.ga = None
     _complete_parts(cfg)
@@ -138,38 +142,39 @@ def _idle(cfg: DictConfig) -> tuple[str, ...]:
     return (*_ignored(cfg), *(() if may_stand else ("maze.obstacles", "scenario.layout")))
 
 
-def _compared(name: str, given: Any, folders: Sequence[Path]) -> tuple[str, Any]:
-    """What is compared, by its name; a name alone stands for the adaptation or the rule of this name."""
-    if given is None and name in (NONE, PAPER):  # the run has it anyway
-        return HEBBIAN, {"rule": PAPER}
+def _compared(name: str, given: Any, folders: Sequence[Path]) -> Any:
+    """The settings of what is compared; a name alone stands for the adaptation or the rule of this name."""
     try:
         if given is None:
             is_adaptation = any(choice(folder, "adaptation", name) for folder in folders)
             added = _added("adaptation" if is_adaptation else "hebbian", name, folders)
-            return name, {**added["hebbian"], **({"adaptation": added["adaptation"]} if is_adaptation else {})}
+            return {**added["hebbian"], **({"adaptation": added["adaptation"]} if is_adaptation else {})}
         if isinstance(given, DictConfig) and given.get("rule") in {*conf.table("hebbian")} - {NONE, PAPER}:
             given = OmegaConf.merge(_added("hebbian", given.rule, folders)["hebbian"], given)
         if isinstance(given, DictConfig) and isinstance(given.get("adaptation"), str):
             given.adaptation = _added("adaptation", given.adaptation, folders)["adaptation"]
     except ConfigError as error:
         raise ConfigError(f"compare.{name}: {error}") from error
-    return name, given
+    return given
 
 
 def _compare_in_environment(cfg: DictConfig, folders: Sequence[Path]) -> None:
     """Look up what is compared, and give the rules what they have in environments, but for what was typed."""
     for name, given in dict(cfg.get("compare") or {}).items():
-        del cfg.compare[name]
-        shown, settings = _compared(str(name), given, folders)
-        cfg.compare[shown] = settings
-        if "adaptation" in settings:
+        if given is None and name == NONE:  # the run has it anyway
+            del cfg.compare[name]
+            continue
+        cfg.compare[name] = _compared(str(name), given, folders)
+        rule, typed = cfg.compare[name], {*(given if isinstance(given, Mapping) else ())}
+        if not isinstance(rule, DictConfig):
+            continue  # which the schema refuses
+        if "adaptation" in rule:
             raise ConfigError(
                 f"compare.{name}: adaptations are for the maze, and this is environment={cfg.environment.name}"
             )
-        rule, typed = cfg.compare[shown], {*(given if isinstance(given, Mapping) else ())}
         if "rule" not in rule and cfg.hebbian.get("rule") in (None, NONE):
             rule.rule = PAPER
-        if "rule" in rule:
+        if rule.get("rule", NONE) != NONE:
             choice = str(name if given is None else rule.rule)
             environments.fit_rule(rule, choice, cfg.network, typed.__contains__)
 
@@ -339,14 +344,15 @@ def _text(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def world_name(scenario: str, changed: str | None) -> str:
-    """A world as part of the name of a folder: the scenario, and what differs from it."""
-    parts = [scenario, *(changed.split(", ") if changed else [])]
+def world_name(cfg: DictConfig) -> str:
+    """A world as part of the name of a folder: the environment, or the scenario, and what differs from it."""
+    if "environment" in cfg:
+        parts = [environments.shown_name(cfg.environment)]
+    else:
+        parts = [cfg.scenario.name, *(cfg.changed.split(", ") if cfg.changed else [])]
     return "+".join(re.sub(r"[^\w.]+", "-", part) for part in parts)[:_LONGEST].rstrip("+-")
 
 
 def find_own_files(cfg: DictConfig) -> None:
     """Write down where the user's files are."""
-    groups = (group for group in (*PART_GROUPS, "environment") if group in cfg)
-    for part, key, path, name in list(own_references({group: cfg[group] for group in groups})):
-        part[key] = f"{path.absolute()}:{name}"
+    place_files({group: cfg[group] for group in (*PART_GROUPS, "environment") if group in cfg})

@@ -15,6 +15,7 @@ from epuckhebb.controller.compiling.sources import own_code
 from epuckhebb.controller.genome import GenomePlan, plan_of
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import name_of
+from epuckhebb.controller.plasticity.control import Control
 from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, Rule, evolved_sizes
 from epuckhebb.runs import hydra
 from epuckhebb.runs.begin import begin
@@ -57,7 +58,7 @@ class PreparedEvaluation:
 
 
 def check_rules(genome: Genome, network: Network, rules: Iterable[tuple[str, Rule]]) -> None:
-    """Refuse rules, each with the name of its controller, that do not fit the genome."""
+    """Refuse rules, each with the name of its controller, that do not fit the genome, or the signs that it keeps."""
     _check_limits(genome, plan_of(network))
     sizes = {part.name: part.size for part in genome.plan.parts}
     initial_weights = InitialWeights.evolved if genome.weights.any() else InitialWeights.random
@@ -72,6 +73,9 @@ def check_rules(genome: Genome, network: Network, rules: Iterable[tuple[str, Rul
             has = f"genome={genome.name} has {genome.plan.text()}, of {evolved}"
             raise ConfigError(f"{name} has rule {name_of(kind)}, and {has}")
         _check_limits(genome, plan_of(network, kind))
+        if rule.sign_draw and rule.control is Control.none and genome.signs is not None:
+            evolved = f"genome={genome.name} keeps the shuffled signs with which it evolved"
+            raise ConfigError(f"{evolved}: hebbian.sign_draw of {name} must be 0, got {rule.sign_draw}")
 
 
 def _check_limits(genome: Genome, plan: GenomePlan) -> None:
@@ -106,7 +110,8 @@ def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:
     named = [word for word in words if word.startswith("genome=")]
     if environment := [value_of(word) for word in words if word.startswith("environment=")]:
         is_given = named or environment[-1] == "tmaze"
-        return words if is_given else [*words, f"genome={quoted(str(_latest_in(environment[-1])))}"]
+        ids = [value_of(word) for word in words if word.startswith("environment.id=")]
+        return words if is_given else [*words, f"genome={quoted(str(_latest_in([*environment, *ids][-1])))}"]
     if not named:
         return words
     (words_of,) = alternatives(named[-1:]).values()

@@ -24,8 +24,9 @@ from epuckhebb.config import (
 from epuckhebb.controller.genome import GenomePlan, plan_of
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import name_of
+from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.plasticity.rule import NoRule
-from epuckhebb.evolution.evolve import Generation, complete_genomes, evolve
+from epuckhebb.evolution.evolve import Generation, complete_genomes, evolve, training_signs
 from epuckhebb.evolution.optimizer import limits
 from epuckhebb.evolution.search import Results, Search, check_start
 from epuckhebb.runs import hydra
@@ -147,6 +148,7 @@ class PreparedEvolution:
             optimizer=config.algorithm.name,
             rule="" if isinstance(rule, NoRule) else name_of(type(rule)),
             start=self.start_text,
+            signs=training_signs(rule, self.network, config.seed) if rule.sign is Sign.shuffled else None,
             nominal=nominal,
             **self.world.facts,
         )

@@ -6,6 +6,7 @@ are bit-identical with any number of processes.
 
 import io
 import itertools
+import json
 import math
 import time
 import zlib
@@ -23,9 +24,9 @@ from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.control import Sign, signs, signs_of_draw
-from epuckhebb.controller.plasticity.rule import NoRule
+from epuckhebb.controller.plasticity.rule import NoRule, Rule
 from epuckhebb.controller.random import Stream
-from epuckhebb.evolution.evolve import Evaluator
+from epuckhebb.evolution.evolve import Evaluator, training_signs
 from epuckhebb.runs import hydra
 from epuckhebb.runtime import ConfigError, compiling, refusing
 from epuckhebb.store import Genome
@@ -36,6 +37,10 @@ from epuckhebb.worlds.world import Figures, World, Write
 _CHUNKS = 4  # of the work of each process, whose parts take different times
 _WORTH_S = 20.0  # of work, from which on processes are worth their start
 _MOST_SEED = 2**31 - 1
+_READ_BY = (  # settings of an environment that a champion's file keeps
+    *("options", "scale", "reward_scale", "neutral_fitness", "reads_reward", "learns_after_move", "reward_weights"),
+    "step_s",
+)
 _FRAMES, _FRAME_MS, _CHANGED = 200, 40, "#D55E00"  # of a film; around what is after a change
 
 
@@ -99,7 +104,8 @@ class _Evaluator(Evaluator):
         """Mean fitness of each individual, nan for success, no measures, and the steps that were run."""
         seed, loops = self.config.seed, range(self.lifetimes)
         seeds = tuple(seed_of(seed, Stream.training_noise, generation, loop) for loop in loops)
-        works = [Work(0, genes, seeds) for genes in population]
+        signs = training_signs(self.config.rule, self.config.network_made, seed)
+        works = [Work(0, genes, seeds, signs) for genes in population]
         found = run_lifetimes(self.config, works, self.processes, self.config.schedule.generations)
         fitness = np.array([np.mean([lived.fitness for lived in lives]) for lives in found])
         steps = sum(len(lived.rewards) for lives in found for lived in lives)
@@ -119,9 +125,18 @@ class Gymnasium(World):
 
     @property
     def facts(self) -> Mapping[str, Any]:
-        """The name of the environment, and of what evolution maximised."""
+        """The name of the environment, how it is read, and the name of what evolution maximised."""
         name, judge = self.config.world.name, self.config.judge
-        return {"robot": name, "lights": 0, "environment": name, "fitness_function": judge.name if judge else ""}
+        its = {"environment": name, "environment_settings": json.dumps(self._read_by)}
+        return {"robot": name, "lights": 0, **its, "fitness_function": judge.name if judge else ""}
+
+    @property
+    def _read_by(self) -> dict[str, Any]:
+        """The settings on which it depends what a controller reads and is rewarded for, whatever happens later."""
+        read_by: dict[str, Any] = json.loads(
+            json.dumps({key: getattr(self.config.environment, key) for key in _READ_BY}, default=str)
+        )
+        return read_by
 
     def check_genome(self, genome: Genome) -> None:
         """Refuse a genome for another network."""
@@ -132,9 +147,15 @@ class Gymnasium(World):
 
     def notes(self, genome: Genome | None = None) -> list[str]:
         """What random actions show of the environment, and how the evolution of a champion differs."""
-        notes = []
-        if genome is not None and genome.environment not in ("", self.config.world.name):
+        notes, name = list[str](), self.config.world.name
+        if genome is not None and genome.environment not in ("", name):
             notes.append(f"This champion was evolved in {genome.environment}.")
+        elif genome is not None and genome.environment_settings:
+            before, here = json.loads(genome.environment_settings), self._read_by
+            others = [
+                f"environment.{key}={before[key]}, not {here[key]}" for key in _READ_BY if before[key] != here[key]
+            ]
+            notes += [f"This champion was evolved with {other}." for other in others]
         if genome is not None and genome.rule and isinstance(self.config.rule, NoRule):
             notes.append(f"This champion was evolved with the rule {genome.rule}, which is off here.")
         with refusing():
@@ -153,14 +174,19 @@ class Gymnasium(World):
     def works(self, genome: Genome, repeats: Iterable[int], *, record: bool = True) -> list[Work]:
         """The lifetimes of each controller, one by one; all have the same seeds."""
         config, genes = self.config, genome.genes
-        drawn = signs_of_draw(config.rule.sign_draw, zlib.crc32(genes.tobytes()))
-        control = signs(Sign.shuffled, config.network_made.synapses, drawn)
+        place = zlib.crc32(genes.tobytes())
+
+        def signs_of(rule: Rule) -> Floats:
+            if rule.sign is Sign.shuffled and genome.signs is not None:
+                return genome.signs
+            return signs(rule.sign, config.network_made.synapses, signs_of_draw(rule.sign_draw, place))
+
         return [
             Work(
                 number,
                 genome.plan.pick(genes, plan_of(config.network_made, type(tested.rule))),
                 (seed_of(config.seed, Stream.evaluation_noise, repeat),),
-                control if tested.rule.sign is Sign.shuffled and config.rule.sign is not Sign.shuffled else None,
+                signs_of(tested.rule),
                 record=record,
             )
             for number, tested in enumerate(config.controllers)

@@ -433,7 +433,5 @@ def joblib_workers() -> Iterator[None]:
         register_parallel_backend("loky", loky)
 
 
-OmegaConf.register_new_resolver(
-    "epuckhebb.world", lambda *, _root_: world_name(_root_.scenario.name, _root_.changed), replace=True
-)
+OmegaConf.register_new_resolver("epuckhebb.world", lambda *, _root_: world_name(_root_), replace=True)
 OmegaConf.register_new_resolver("epuckhebb.stamp", new_stamp, replace=True)

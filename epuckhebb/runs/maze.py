@@ -4,18 +4,18 @@ from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from epuckhebb.adaptation.nominal import Nominal, measure_nominal
 from epuckhebb.analysis.evaluate import Traces, evaluate
 from epuckhebb.analysis.paper_table import PaperTable, saturation
 from epuckhebb.analysis.tables import Rows, plain
-from epuckhebb.config import hand, training_world
+from epuckhebb.config import EvaluateConfig, EvolveConfig, hand, training_world
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.network import Network
-from epuckhebb.controller.plasticity.control import MOST_KEPT, Control, Sign
+from epuckhebb.controller.plasticity.control import MOST_KEPT, Control
 from epuckhebb.controller.wiring import LAYERS, Wiring
-from epuckhebb.evolution.evolve import MazeEvaluator, training_signs
+from epuckhebb.evolution.evolve import MazeEvaluator
 from epuckhebb.runs.notes import notes_of, unusual_values
 from epuckhebb.runtime import ConfigError, compiling
 from epuckhebb.store import Genome, as_npz, traces_arrays
@@ -30,13 +30,18 @@ from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
 from epuckhebb.worlds.world import Figures, World, Write
 
+if TYPE_CHECKING:
+
+    class _Settings(EvaluateConfig, EvolveConfig):  # type: ignore[misc]
+        """The settings of both commands, of which a run has those of one."""
+
 
 @dataclass(frozen=True)
 class Maze(World):
     """The maze of a run of `evaluate` or `evolve`. config: its settings."""
 
     measures: ClassVar[Collection[str]] = OF_OUTCOME
-    config: Any
+    config: "_Settings"
 
     @property
     def identity(self) -> tuple[Any, ...]:
@@ -46,7 +51,7 @@ class Maze(World):
     @property
     def facts(self) -> Mapping[str, Any]:
         """Robot, sensors, task, fitness, physics, and how the worlds of training varied."""
-        config, rule, world = self.config, self.config.rule, self.config.world
+        config, world = self.config, self.config.world
         return {
             "robot": world.robot.name,
             "lights": world.robot.light.count,
@@ -56,13 +61,12 @@ class Maze(World):
             "fitness_function": world.fitness.name if world.fitness.is_own else "",
             "sensors": reading_names(world.robot.sensors),
             "physics": "" if world.physics.name == PYMUNK.name else world.physics.name,
-            "signs": training_signs(rule, config.made_network, config.seed) if rule.sign is Sign.shuffled else None,
         }
 
     def check_genome(self, genome: Genome) -> None:
         """Refuse a champion of an environment, another task, wiring or robot, or of a robot with other sensors.
 
-        So are yoked controls whose masters would fill the memory, and draws of signs that the genome has of its own.
+        So are yoked controls whose masters would fill the memory.
         """
         config, world, shape = self.config, self.config.world, self.config.shape
         if genome.environment:
@@ -93,9 +97,6 @@ class Maze(World):
                 needs = f"keeps all weights, and needs lifetime.duration_s of at most {most * STEP_S:g}"
                 given = f"got {config.lifetime.duration_s:g}"
                 raise ConfigError(f"hebbian.control={rule.control.name} of {controller.name} {needs}; {given}")
-            if rule.sign_draw and rule.control is Control.none and genome.signs is not None:
-                evolved = f"genome={genome.name} keeps the shuffled signs with which it evolved"
-                raise ConfigError(f"{evolved}: hebbian.sign_draw of {controller.name} must be 0, got {rule.sign_draw}")
 
     def notes(self, genome: Genome | None = None) -> list[str]:
         """What a champion shows as a showcase, and how the world of its evolution differs."""

@@ -22,6 +22,7 @@ _FLOAT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)$|\.\d+$", re.IGNORECASE)
 _TEXT, _NULL, _TIME, _MERGE = (f"tag:yaml.org,2002:{kind}" for kind in ("str", "null", "timestamp", "merge"))
 _QUOTED = re.compile(r"""("(\\.|[^"\\])*"|'(\\.|[^'\\])*')""")
 _BETWEEN = re.compile(r"[\[\]{}(),\s]+|(?<![\d_]):|:(?!\d)")  # the plain values in an override
+_KEYS = re.compile(r"([\[({])|([\])}])|(?<=[{,])\s*([^\s\[\]{}(),:]+)\s*:")  # a bracket, or a key behind { or ,
 _PACKAGE = re.compile(r"\s*#\s*@package\s+(\S+)[ \t]*(\S*)")
 DEFAULTS, SELF = "defaults", "_self_"
 
@@ -59,6 +60,20 @@ def check_numbers(override: str) -> None:
     """Refuse an override with a plain value that YAML and the command line read as different numbers."""
     for text in _BETWEEN.split(_QUOTED.sub("", override.partition("=")[2])):
         check_number(text, override)
+
+
+def check_keys(override: str) -> None:
+    """Refuse an override with a mapping that has a key twice, of which the command line would take the last."""
+    around = list[tuple[str, set[str]]]()  # the brackets that are open, and the keys so far
+    for begin, end, key in _KEYS.findall(_QUOTED.sub("''", override.partition("=")[2])):
+        if begin:
+            around.append((begin, set()))
+        elif end:
+            around = around[:-1]
+        elif around and around[-1][0] == "{":
+            if key in around[-1][1]:
+                raise ConfigError(f"{override}: the key {key} comes twice; give it once")
+            around[-1][1].add(key)
 
 
 class File(NamedTuple):

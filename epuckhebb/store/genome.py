@@ -27,7 +27,7 @@ _RANDOM = re.compile(r"random_(\d+)")
 # What a champion was evolved for and by, as far as it is known.
 _TEXTS = (
     *("robot", "experiment", "optimizer", "training", "rule", "task", "fitness_function", "sensors"),
-    *("wiring_settings", "physics", "start", "environment"),
+    *("wiring_settings", "physics", "start", "environment", "environment_settings"),
 )
 
 
@@ -51,6 +51,7 @@ class Genome:
         physics: The name of the physics in which it was evolved, if it is not that of the plane.
         start: The champion at whose genes its evolution began, and the SHA-256 of these; "" for random genes.
         environment: The name of the environment in which it was evolved, if that is not the maze.
+        environment_settings: Those of its readings, rewards and steps there, as JSON.
         signs: Of the updates of its rule, (synapses,), if they were shuffled in its evolution.
         nominal: Statistics of the champion in its training world.
     """
@@ -72,6 +73,7 @@ class Genome:
     physics: str = ""
     start: str = ""
     environment: str = ""
+    environment_settings: str = ""
     signs: NDArray[np.float64] | None = None
     nominal: Nominal | None = None
 

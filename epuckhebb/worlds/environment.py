@@ -249,10 +249,10 @@ class World:
             for step in range(steps):
                 while changes and step == changes[0][AT]:
                     self.apply(changes.pop(0), env, faults)
-                if faults.dead:
-                    readings[faults.dead] = 0.0
                 for place, deviation in faults.noise.items():
                     readings[place] += deviation * noise.standard_normal()
+                if faults.dead:
+                    readings[faults.dead] = 0.0
                 action = turn(act(step, readings, reward, observation))
                 if longest:
                     past.append(action)

@@ -201,7 +201,7 @@ def _reader(part: Part, scale: Floats) -> Callable[[Any], Floats]:
         values = np.asarray(observation, np.float64).ravel()
         if values.shape != shrink.shape:
             raise ValueError(f"an observation must be of {count} numbers, got {observation!r}")
-        readings: Floats = np.tanh(values * shrink) if part.kind == "Box" else values
+        readings: Floats = np.tanh(values * shrink) if part.kind == "Box" else values.copy()  # faults change readings
         if np.isnan(readings.sum()):
             raise ValueError(f"an observation must be of numbers, got {observation!r}")
         return readings
@@ -210,7 +210,7 @@ def _reader(part: Part, scale: Floats) -> Callable[[Any], Floats]:
 
 
 def actor(space: Any) -> Callable[[Floats], Any]:
-    """The function from the outputs, (outputs,), to an action; a ValueError for bounds on one side alone."""
+    """The function from the outputs, (outputs,), to an action; a ValueError for a text, or bounds on one side alone."""
     match kind_of(space):
         case "Dict":
             turns = dict(zip(space.spaces, _in_turn(list(space.spaces.values())), strict=True))
@@ -231,6 +231,8 @@ def actor(space: Any) -> Callable[[Floats], Any]:
             return place
         case "MultiBinary":
             return lambda outputs: (outputs > 0).astype(space.dtype).reshape(space.shape)
+        case "Text":
+            raise ValueError(f"actions must be of {', '.join(_KINDS[:-1])}, Dict or Tuple of these, and one is a Text")
     return _box_actor(space)
 
 
