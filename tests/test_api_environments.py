@@ -1,5 +1,6 @@
 """Environments from Python: keys and numbers of the command line, and classes, functions and rules as objects."""
 
+import functools
 import importlib.util
 from contextlib import chdir
 from dataclasses import dataclass
@@ -12,11 +13,13 @@ import pytest
 from cases import done
 
 import epuckhebb
+from epuckhebb import api
 from epuckhebb.config import load_any
 from epuckhebb.controller.plasticity.control import Control
 from epuckhebb.controller.plasticity.rule import Normalise
 from epuckhebb.controller.plasticity.rules.abcd import ABCD
 from epuckhebb.controller.plasticity.rules.oja import Oja
+from epuckhebb.runs import genome_of, prepare_evaluation
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "any_world" / "thermostat.py"
 spec = importlib.util.spec_from_file_location("thermostat_of_test", EXAMPLE)
@@ -95,6 +98,50 @@ def test_a_sweep_has_environments_and_rules_as_objects(champion):
     pd.testing.assert_frame_equal(own[list(alone.metrics)], alone.metrics[alone.metrics.N > 0].reset_index(drop=True))
 
 
+def room(target):
+    """An environment of one name with every target."""
+
+    class Made(Room):
+        def step(self, action):
+            observation, _, *ends = super().step(action)
+            return observation, target, *ends
+
+    return Made
+
+
+@pytest.mark.parametrize("made", [room, lambda target: lambda: room(target)()])
+def test_a_sweep_keeps_objects_of_one_name_apart(champion, made):
+    over = {"environment": [made(1.0), made(5.0)]}
+    rows = epuckhebb.sweep(champion[0], "environment.horizon=4", over=over, repeats=2, progress=False)
+    returns = [list(one["return"]) for _, one in rows.groupby("environment", sort=False)]
+    assert returns == [[4.0, 4.0], [20.0, 20.0]]
+    over = {"environment.changes": [[{"at": 2, "function": lambda _, n=n: n}] for n in range(2)]}
+    rows = epuckhebb.sweep(champion[0], "environment.horizon=4", over=over, environment=Room, repeats=1, progress=False)
+    assert len(rows) == rows.change.nunique() == 2
+
+
+def signed(c):
+    """A rule of one name with every sign."""
+
+    @dataclass(frozen=True, kw_only=True)
+    class Signed(epuckhebb.Rule):
+        @staticmethod
+        def synapse(correlation):
+            return c * correlation
+
+    return Signed(N=0.1)
+
+
+def test_rules_that_a_function_makes_are_others():
+    rules, config = [signed(1.0), signed(-1.0)], load_any("evaluate", ["environment=cartpole"])
+    ids = []
+    for rule in rules:
+        config.take(rule)
+        ids.append(prepare_evaluation(config, genome_of(np.zeros(config.network_made.synapses), config)).lifetime_ids)
+    assert ids[0]["signed"] != ids[1]["signed"]
+    assert [label for _, label in api._labels("hebbian", rules)] == ["signed, N = 0.1", "signed, N = 0.1 (2)"]
+
+
 @pytest.mark.parametrize(
     ("words", "name", "rule", "expected"),
     [
@@ -139,7 +186,8 @@ def test_own_objects_go_into_processes(monkeypatch):
     ("given", "text"),
     [
         ({"environment": gymnasium.Wrapper, "hebbian": "abcd"}, r"environment\.id=gymnasium"),
-        ({"environment": dict}, r"environment\.id=builtins:dict"),
+        ({"environment": dict}, r"environment\.id must be a subclass of Env"),
+        ({"environment": functools.partial(Room)}, r"environment\.id must be a subclass of Env"),
         ({"environment": {"id": "Nope-v0"}}, r"environment\.id=Nope-v0"),
         ({"environment": lambda: 3}, "must make a gymnasium"),
         ({"environment": Room, "hebbian": Oja(N=0.1, control=Control.yoked_sign)}, "control"),

@@ -22,6 +22,7 @@ from epuckhebb.config import (
     load_any,
     overrides_of,
     quoted,
+    text_of,
     value_text,
 )
 from epuckhebb.controller.plasticity.rule import NoRule, Rule
@@ -225,13 +226,14 @@ def sweep(
     if not lists or not all(isinstance(values, list | tuple | np.ndarray) and len(values) for values in lists):
         raise ConfigError(f"over must be keys with lists of values, as {{'hebbian.N': [0.0002, 0.002]}}, got {over!r}")
     be_quiet(not progress)
-    jobs = [dict(zip(over, values, strict=True)) for values in itertools.product(*over.values())]
+    labels = [_labels(key, values) for key, values in over.items()]
+    jobs = [dict(zip(over, pairs, strict=True)) for pairs in itertools.product(*labels)]
     evaluations = []
     with bar("job", len(jobs)) as shown:
         be_quiet(True)
         for job in jobs:
-            settings = {key: _label(key, value) for key, value in job.items()}
-            own = {**keys, **job}
+            settings = {key: label for key, (_, label) in job.items()}
+            own = {**keys, **{key: value for key, (value, _) in job.items()}}
             result = _evaluated(own.pop("genome", genome), overrides, config_dir, own, record=False)
             sha256, ids = result.genome.sha256, result.prepared.lifetime_ids
             evaluations.append(Evaluated(settings=settings, sha256=sha256, ids=ids, rows=result.metrics))
@@ -241,6 +243,17 @@ def sweep(
     return gathered.rows
 
 
+def _labels(key: str, values: Sequence[Any]) -> list[tuple[Any, Any]]:
+    """The values of a key in a sweep, each with its text in tables: another object of one name has a number."""
+    labels, known = [], dict[Any, Any]()
+    for value in values:
+        label, numbers = (name := _label(key, value)), itertools.count(2)
+        while (isinstance(value, Rule) or callable(value)) and known.setdefault(label, value) != value:
+            label = f"{name} ({next(numbers)})"
+        labels.append((value, label))
+    return labels
+
+
 def _label(key: str, value: Any) -> Any:
     """A value of a sweep in a table."""
     if isinstance(value, Rule):
@@ -248,7 +261,7 @@ def _label(key: str, value: Any) -> Any:
         facts = (f"{name} = {own:g}" if isinstance(own, float) else f"{name} = {own}" for name, own in given.items())
         return ", ".join([controller_of(value, Adaptation()).name, *facts])
     if callable(value):
-        return value.__name__
+        return text_of(value).rpartition(":")[2]
     if key == "genome" and not isinstance(value, str | Path):
         return "array"
     return value if isinstance(value, str | int | float) else value_text(value, key)
