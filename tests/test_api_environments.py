@@ -3,7 +3,7 @@
 import functools
 import importlib.util
 from contextlib import chdir
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import gymnasium
@@ -47,7 +47,9 @@ def champion(tmp_path_factory):
 def test_evaluate_gives_what_the_command_line_writes(champion, here):
     genes, run = champion
     own = {"id": Room, "horizon": 40, "changes": CHANGES}
-    result = epuckhebb.evaluate(genes, environment=own, hebbian=Oja(N=0.002), repeats=2, compare={"bcm": None})
+    result = epuckhebb.evaluate(
+        genes, environment=own, hebbian=Oja(N=0.002, floor=1.0), repeats=2, compare={"bcm": None}
+    )
     assert list(here.iterdir()) == []
     words = [
         f"genome={run}",
@@ -109,7 +111,7 @@ def room(target):
     return Made
 
 
-@pytest.mark.parametrize("made", [room, lambda target: lambda: room(target)()])
+@pytest.mark.parametrize("made", [room, lambda target: lambda kind=room(target): kind()])
 def test_a_sweep_keeps_objects_of_one_name_apart(champion, made):
     over = {"environment": [made(1.0), made(5.0)]}
     rows = epuckhebb.sweep(champion[0], "environment.horizon=4", over=over, repeats=2, progress=False)
@@ -145,8 +147,8 @@ def test_rules_that_a_function_makes_are_others():
 @pytest.mark.parametrize(
     ("words", "name", "rule", "expected"),
     [
-        (["environment=cartpole"], "abcd", ABCD(N=0.1), ("reward", Normalise.largest)),
-        ([], "paper", epuckhebb.Hebbian(N=0.1), ("behaviour", Normalise.none)),
+        (["environment=cartpole"], "abcd", ABCD(N=0.1, floor=1.0, normalise=Normalise.largest), "reward"),
+        ([], "paper", epuckhebb.Hebbian(N=0.1), "behaviour"),
     ],
 )
 @pytest.mark.parametrize("command", ["evolve", "evaluate"])
@@ -154,9 +156,16 @@ def test_a_rule_that_is_an_object_is_that_of_its_name(command, words, name, rule
     typed, made = load_any(command, [*words, f"hebbian={name}", "hebbian.N=0.1"]), load_any(command, words)
     made.take(rule)
     assert made.rule == typed.rule
-    assert (made.rule.signal, made.rule.normalise) == expected
+    assert made.rule.signal == expected
     assert made.controllers == typed.controllers
     assert getattr(made, "plan", None) == getattr(typed, "plan", None)
+
+
+@pytest.mark.parametrize("rule", [ABCD(N=0.05, normalise=Normalise.none, floor=0.2), Oja(N=0.05, floor=0.0)])
+def test_a_default_that_is_given_stays(rule):
+    config = load_any("evaluate", ["environment=cartpole"])
+    config.take(rule)
+    assert config.rule == replace(rule, signal="reward")
 
 
 @dataclass(frozen=True, kw_only=True)
