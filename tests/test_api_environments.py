@@ -38,7 +38,8 @@ def champion(tmp_path_factory):
         words = ["optimizer.generations=2", "optimizer.population=4", "optimizer.starts=4", "optimizer.confirm=1"]
         done("evolve", f"environment={EXAMPLE}:Room", "environment.horizon=40", *words, "hydra.run.dir=room")
         run = Path("room").absolute()
-    found, history = epuckhebb.evolve(environment={"id": Room, "horizon": 40}, **SMALL)
+    evolution = epuckhebb.evolve(environment={"id": Room, "horizon": 40}, **SMALL)
+    found, history = evolution.champion, evolution.history
     pd.testing.assert_frame_equal(history, pd.read_csv(run / "history.csv"))
     np.testing.assert_array_equal(found, epuckhebb.load(run))
     return found, run
@@ -111,7 +112,17 @@ def room(target):
     return Made
 
 
-@pytest.mark.parametrize("made", [room, lambda target: lambda kind=room(target): kind()])
+def function(target):
+    """A function of one name with every target."""
+    kind = room(target)
+
+    def make():
+        return kind()
+
+    return make
+
+
+@pytest.mark.parametrize("made", [room, function])
 def test_a_sweep_keeps_objects_of_one_name_apart(champion, made):
     over = {"environment": [made(1.0), made(5.0)]}
     rows = epuckhebb.sweep(champion[0], "environment.horizon=4", over=over, repeats=2, progress=False)
@@ -147,7 +158,7 @@ def test_rules_that_a_function_makes_are_others():
 @pytest.mark.parametrize(
     ("words", "name", "rule", "expected"),
     [
-        (["environment=cartpole"], "abcd", ABCD(N=0.1, floor=1.0, normalise=Normalise.largest), "reward"),
+        (["environment=cartpole"], "abcd", ABCD(N=0.1, N_gain_rad_s=0.0, normalise=Normalise.largest), "reward"),
         ([], "paper", epuckhebb.Hebbian(N=0.1), "behaviour"),
     ],
 )

@@ -4,7 +4,7 @@ The checkpoint alone says how far an evolution is. `history.csv` and `champion.n
 be killed between any two files: resumed, it ends bit-identical.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -138,10 +138,14 @@ class PreparedEvolution:
 
     def champion(self, last: Generation, nominal: Any = None) -> bytes:
         """The `champion.npz` of a generation."""
+        return champion_file(self.genome(last, nominal), last.champion_fitness, self.config.seed, last.number)
+
+    def genome(self, last: Generation, nominal: Any = None) -> Genome:
+        """The champion of a generation, with all that it was evolved for and by."""
         config, rule = self.config, self.config.rule
-        genome = Genome(
+        return Genome(
             genes=last.champion,
-            name=CHAMPION,
+            name=Path(CHAMPION).stem,
             network=self.network,
             plan=self.plan,
             optimizer=config.algorithm.name,
@@ -150,7 +154,6 @@ class PreparedEvolution:
             nominal=nominal,
             **self.world.facts,
         )
-        return champion_file(genome, last.champion_fitness, config.seed, last.number)
 
 
 def prepare_evolution(config: Any, *, has_genome: bool = True) -> PreparedEvolution:
@@ -278,9 +281,14 @@ def evolved(path: Path) -> tuple[NDArray[np.float64], Any]:
     return load_genome(str(path), "").genes, run.table("history.csv")
 
 
-def settings_but_seed(path: Path) -> dict[str, Any]:
-    """The settings of an evolution on which its results depend, by key, without the seed."""
-    return conf.without(settings(path / CONFIG), ("seed", *conf.NO_EFFECT))
+def settings_of(path: Path) -> dict[str, Any]:
+    """The settings of a run on which its results depend, without the seed."""
+    return settings_but_seed(settings(path / CONFIG))
+
+
+def settings_but_seed(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The settings of an evolution on which its results depend, without the seed."""
+    return conf.without(values, ("seed", *conf.NO_EFFECT))
 
 
 def earlier_champions(path: Path, shares: Sequence[float]) -> Iterator[tuple[int, NDArray[np.float64]]]:

@@ -56,7 +56,7 @@ class Maze(World):
             "fitness_function": world.fitness.name if world.fitness.is_own else "",
             "sensors": reading_names(world.robot.sensors),
             "physics": "" if world.physics.name == PYMUNK.name else world.physics.name,
-            "signs": training_signs(rule, config.made_network, config.seed) if rule.sign is Sign.shuffled else None,
+            "signs": training_signs(rule, config.network_made, config.seed) if rule.sign is Sign.shuffled else None,
         }
 
     def check_genome(self, genome: Genome) -> None:
