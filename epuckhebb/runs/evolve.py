@@ -5,6 +5,7 @@ be killed between any two files: resumed, it ends bit-identical.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -223,7 +224,7 @@ def evolve_into(
         return
     run = begin(path, "evolve", config, overrides, {"seed": config.seed, **facts}, goes_on=is_many)
     if is_many and (path / CHECKPOINT).is_file():
-        after = Checkpoint.read(path, prepared.search, _digest(path, config))
+        after = _checkpoint(path, prepared, config)
     evolve_after(run, prepared, after, threads=threads, quiet=is_many, report=report)
 
 
@@ -295,7 +296,7 @@ def earlier_champions(path: Path, shares: Sequence[float]) -> Iterator[tuple[int
     """The champions of a whole evolution after shares of its generations, each with the robot-steps until then."""
     config = from_values(settings(path / CONFIG), EvolveConfig, str(path / CONFIG))
     prepared, run = prepare_evolution(config), Run(path)
-    last = Checkpoint.read(path, prepared.search, _digest(path, config))
+    last = _checkpoint(path, prepared, config)
     assert last is not None  # it is whole
     steps = run.table("history.csv").robot_steps.cumsum()
     for share in shares:
@@ -328,13 +329,10 @@ def resume(arguments: list[str], report: Report = unreported) -> Path:
     config = from_values(values, schema, f"resume={path}")
     prepared = prepare_evolution(config)
     prepared.compile()
-    after = Checkpoint.read(path, prepared.search, _digest(path, before))
+    after = _checkpoint(path, prepared, before)
     generations, done, key = config.schedule.generations, 0, changeable[0]
     if after is not None:
         done = after.generation.number + 1
-        champion = prepared.network_genes(after.generation.champion)
-        if prepared.given is not None and not np.array_equal(champion, prepared.given):
-            raise ConfigError(f"genome={config.genome} does not hold the weights with which {path} began")
     if generations < done:
         raise ConfigError(f"{key} must be {done} or more, the generations that {path} has, got {generations}")
     if generations == done and run.status["state"] == "finished":
@@ -346,6 +344,24 @@ def resume(arguments: list[str], report: Report = unreported) -> Path:
     say(f"Resuming after {done} of {generations} generations.")
     evolve_after(folder, prepared, after, threads=thread_count(config.threads), report=report)
     return path
+
+
+def _checkpoint(path: Path, prepared: PreparedEvolution, before: EvolveConfig) -> Checkpoint | None:
+    """The checkpoint of an evolution that goes on; a ConfigError if a champion that it was given is another by now.
+
+    before: its settings, as it began.
+    """
+    if prepared.start and (path / CHAMPION).is_file():
+        began = prepared.start[0].sha256
+        with suppress(ConfigError):  # a damaged one is written anew from the checkpoint
+            began = load_genome(str(path), "").start
+        if prepared.start[0].sha256 not in began:
+            raise ConfigError(f"start={before.start} is not the champion at which {path} began")
+    after = Checkpoint.read(path, prepared.search, _digest(path, before))
+    given = prepared.given
+    if after and given is not None and not np.array_equal(prepared.network_genes(after.generation.champion), given):
+        raise ConfigError(f"genome={before.genome} does not hold the weights with which {path} began")
+    return after
 
 
 def _changeable(config: EvolveConfig) -> tuple[str, ...]:
