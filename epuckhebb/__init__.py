@@ -13,8 +13,8 @@ program around it, conf/ its settings.
 
     import epuckhebb
     result = epuckhebb.evaluate("reference", scenario="4obstacles")  # .metrics, .table, .traces, .plot(), .replay()
-    champion, history = epuckhebb.evolve(seed=7)                     # the fittest, and how the generations went
-    epuckhebb.evaluate(champion, hebbian=epuckhebb.Hebbian(N=0.0002), repeats=5)
+    evolution = epuckhebb.evolve(seed=7)                             # .champion, .history
+    epuckhebb.evaluate(evolution, hebbian=epuckhebb.Hebbian(N=0.0002), repeats=5)
 """
 
 from importlib import import_module

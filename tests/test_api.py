@@ -4,17 +4,19 @@ import html
 import io
 import re
 from array import array
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-from cases import call, described_columns
+from cases import SMALL_GA, call, described_columns, done
 from PIL import Image
 
 import epuckhebb
 from epuckhebb.analysis.evaluate import COLUMNS
+from epuckhebb.store import load_genome
 
 FAST = ["lifetime.duration_s=8", "repeats=2"]
 BRIEF = {"lifetime": {"duration_s": 0.64, "record_every": 1}, "repeats": 1}
@@ -67,13 +69,28 @@ def test_a_sweep_is_one_table_the_same_each_time(capfd):
 
 
 def test_an_evolution_is_a_champion_and_its_history(capfd):
-    champion, history = evolution = epuckhebb.evolve(
-        seed=7, ga=epuckhebb.GA(population=4, generations=2, elites=1), **TINY
-    )
+    evolution = epuckhebb.evolve(seed=7, ga=epuckhebb.GA(population=4, generations=2, elites=1), **TINY)
     assert capfd.readouterr().err == ""
-    assert len(history) == 2
-    rows = epuckhebb.evaluate(evolution, **BRIEF).metrics
-    pd.testing.assert_frame_equal(rows, epuckhebb.evaluate(champion, **BRIEF).metrics)
+    assert len(evolution.history) == 2
+    rows = epuckhebb.evaluate(evolution, **BRIEF).metrics.assign(genome="genome")
+    pd.testing.assert_frame_equal(rows, epuckhebb.evaluate(evolution.champion, **BRIEF).metrics)
+
+
+@pytest.mark.usefixtures("here")
+def test_an_evolution_is_that_of_a_run():
+    words = [*SMALL_GA, "lifetime.duration_s=2", "hebbian=abcd", "hebbian.sign=shuffled", "seed=3"]
+    evolution = epuckhebb.evolve(*words, progress=False)
+    done("evolve", *words, "hydra.run.dir=run")
+    ours, theirs = evolution.genome, load_genome("run", "")
+    np.testing.assert_array_equal(ours.signs, theirs.signs)
+    assert (ours.sha256, ours.nominal_sha256, ours.rule) == (theirs.sha256, theirs.nominal_sha256, "abcd")
+    own, run = (epuckhebb.evaluate(one, "hebbian.sign=shuffled", hebbian="abcd", **BRIEF) for one in (evolution, "run"))
+    pd.testing.assert_frame_equal(own.metrics.assign(genome="run"), run.metrics)
+    assert epuckhebb.compare({"one": [evolution, "run"]}).n[0] == 1
+    settings = {**evolution.settings, "ga": {**evolution.settings["ga"], "mutation_rate": 0.5}}
+    others = replace(evolution, settings=settings)
+    with pytest.raises(ValueError, match=r"ga\.mutation_rate"):
+        epuckhebb.compare({"two": [evolution, others]})
 
 
 def test_files_of_your_own_are_found():

@@ -1,8 +1,9 @@
 """Environments from Python: keys and numbers of the command line, and classes, functions and rules as objects."""
 
+import functools
 import importlib.util
 from contextlib import chdir
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import gymnasium
@@ -12,11 +13,13 @@ import pytest
 from cases import done
 
 import epuckhebb
+from epuckhebb import api
 from epuckhebb.config import load_any
 from epuckhebb.controller.plasticity.control import Control
 from epuckhebb.controller.plasticity.rule import Normalise
 from epuckhebb.controller.plasticity.rules.abcd import ABCD
 from epuckhebb.controller.plasticity.rules.oja import Oja
+from epuckhebb.runs import genome_of, prepare_evaluation
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "any_world" / "thermostat.py"
 spec = importlib.util.spec_from_file_location("thermostat_of_test", EXAMPLE)
@@ -35,7 +38,8 @@ def champion(tmp_path_factory):
         words = ["optimizer.generations=2", "optimizer.population=4", "optimizer.starts=4", "optimizer.confirm=1"]
         done("evolve", f"environment={EXAMPLE}:Room", "environment.horizon=40", *words, "hydra.run.dir=room")
         run = Path("room").absolute()
-    found, history = epuckhebb.evolve(environment={"id": Room, "horizon": 40}, **SMALL)
+    evolution = epuckhebb.evolve(environment={"id": Room, "horizon": 40}, **SMALL)
+    found, history = evolution.champion, evolution.history
     pd.testing.assert_frame_equal(history, pd.read_csv(run / "history.csv"))
     np.testing.assert_array_equal(found, epuckhebb.load(run))
     return found, run
@@ -44,7 +48,9 @@ def champion(tmp_path_factory):
 def test_evaluate_gives_what_the_command_line_writes(champion, here):
     genes, run = champion
     own = {"id": Room, "horizon": 40, "changes": CHANGES}
-    result = epuckhebb.evaluate(genes, environment=own, hebbian=Oja(N=0.002), repeats=2, compare={"bcm": None})
+    result = epuckhebb.evaluate(
+        genes, environment=own, hebbian=Oja(N=0.002, floor=1.0), repeats=2, compare={"bcm": None}
+    )
     assert list(here.iterdir()) == []
     words = [
         f"genome={run}",
@@ -95,11 +101,65 @@ def test_a_sweep_has_environments_and_rules_as_objects(champion):
     pd.testing.assert_frame_equal(own[list(alone.metrics)], alone.metrics[alone.metrics.N > 0].reset_index(drop=True))
 
 
+def room(target):
+    """An environment of one name with every target."""
+
+    class Made(Room):
+        def step(self, action):
+            observation, _, *ends = super().step(action)
+            return observation, target, *ends
+
+    return Made
+
+
+def function(target):
+    """A function of one name with every target."""
+    kind = room(target)
+
+    def make():
+        return kind()
+
+    return make
+
+
+@pytest.mark.parametrize("made", [room, function])
+def test_a_sweep_keeps_objects_of_one_name_apart(champion, made):
+    over = {"environment": [made(1.0), made(5.0)]}
+    rows = epuckhebb.sweep(champion[0], "environment.horizon=4", over=over, repeats=2, progress=False)
+    returns = [list(one["return"]) for _, one in rows.groupby("environment", sort=False)]
+    assert returns == [[4.0, 4.0], [20.0, 20.0]]
+    over = {"environment.changes": [[{"at": 2, "function": lambda _, n=n: n}] for n in range(2)]}
+    rows = epuckhebb.sweep(champion[0], "environment.horizon=4", over=over, environment=Room, repeats=1, progress=False)
+    assert len(rows) == rows.change.nunique() == 2
+
+
+def signed(c):
+    """A rule of one name with every sign."""
+
+    @dataclass(frozen=True, kw_only=True)
+    class Signed(epuckhebb.Rule):
+        @staticmethod
+        def synapse(correlation):
+            return c * correlation
+
+    return Signed(N=0.1)
+
+
+def test_rules_that_a_function_makes_are_others():
+    rules, config = [signed(1.0), signed(-1.0)], load_any("evaluate", ["environment=cartpole"])
+    ids = []
+    for rule in rules:
+        config.take(rule)
+        ids.append(prepare_evaluation(config, genome_of(np.zeros(config.network_made.synapses), config)).lifetime_ids)
+    assert ids[0]["signed"] != ids[1]["signed"]
+    assert [label for _, label in api._labels("hebbian", rules)] == ["signed, N = 0.1", "signed, N = 0.1 (2)"]
+
+
 @pytest.mark.parametrize(
     ("words", "name", "rule", "expected"),
     [
-        (["environment=cartpole"], "abcd", ABCD(N=0.1), ("reward", Normalise.largest)),
-        ([], "paper", epuckhebb.Hebbian(N=0.1), ("behaviour", Normalise.none)),
+        (["environment=cartpole"], "abcd", ABCD(N=0.1, N_gain_rad_s=0.0, normalise=Normalise.largest), "reward"),
+        ([], "paper", epuckhebb.Hebbian(N=0.1), "behaviour"),
     ],
 )
 @pytest.mark.parametrize("command", ["evolve", "evaluate"])
@@ -107,9 +167,16 @@ def test_a_rule_that_is_an_object_is_that_of_its_name(command, words, name, rule
     typed, made = load_any(command, [*words, f"hebbian={name}", "hebbian.N=0.1"]), load_any(command, words)
     made.take(rule)
     assert made.rule == typed.rule
-    assert (made.rule.signal, made.rule.normalise) == expected
+    assert made.rule.signal == expected
     assert made.controllers == typed.controllers
     assert getattr(made, "plan", None) == getattr(typed, "plan", None)
+
+
+@pytest.mark.parametrize("rule", [ABCD(N=0.05, normalise=Normalise.none, floor=0.2), Oja(N=0.05, floor=0.0)])
+def test_a_default_that_is_given_stays(rule):
+    config = load_any("evaluate", ["environment=cartpole"])
+    config.take(rule)
+    assert config.rule == replace(rule, signal="reward")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,7 +206,8 @@ def test_own_objects_go_into_processes(monkeypatch):
     ("given", "text"),
     [
         ({"environment": gymnasium.Wrapper, "hebbian": "abcd"}, r"environment\.id=gymnasium"),
-        ({"environment": dict}, r"environment\.id=builtins:dict"),
+        ({"environment": dict}, r"environment\.id must be a subclass of Env"),
+        ({"environment": functools.partial(Room)}, r"environment\.id must be a subclass of Env"),
         ({"environment": {"id": "Nope-v0"}}, r"environment\.id=Nope-v0"),
         ({"environment": lambda: 3}, "must make a gymnasium"),
         ({"environment": Room, "hebbian": Oja(N=0.1, control=Control.yoked_sign)}, "control"),

@@ -581,9 +581,9 @@ def test_a_function_makes_an_environment(tmp_path, monkeypatch):
 @pytest.mark.thorough
 def test_cartpole_is_solved():
     """No plasticity, separable CMA-ES: 500 steps upright."""
-    champion, history = epuckhebb.evolve("environment=cartpole", "environment.processes=1", progress=False)
-    assert history.best_fitness.max() == 500
-    assert len(champion) == 56
+    evolution = epuckhebb.evolve("environment=cartpole", "environment.processes=1", progress=False)
+    assert evolution.history.best_fitness.max() == 500
+    assert len(evolution.champion) == 56
 
 
 @pytest.mark.parametrize(

@@ -37,6 +37,18 @@ BRIEF = ["scenario.paper_duration_s=10", "figures=none"]
 OTHER, ORIGIN, SHORT = Scenario(left_slip=0.4), Scenario(), Lifetime(duration_s=3, gain_rad_s=4)
 
 
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("key", ["start", "genome"])
+def test_a_champion_that_an_evolution_was_given_stays(key):
+    np.save("given.npy", load_genome("reference_4", "obstacles").genes)
+    rule = ["hebbian=abcd"] if key == "genome" else []
+    done("evolve", f"{key}=given.npy", *rule, *TINY, "hydra.run.dir=run")
+    np.save("given.npy", load_genome("reference_5", "obstacles").genes)
+    assert f"{key}=given.npy" in refused("evolve", "resume=run", "ga.generations=3")
+    np.save("given.npy", load_genome("reference_4", "obstacles").genes)
+    done("evolve", "resume=run", "ga.generations=3")
+
+
 @pytest.mark.parametrize("optimizer", [GA(population=6, elites=2), SepCmaEs(sigma=1e-9), OpenEs(sigma=1e-9)])
 def test_a_search_begins_at_a_genome(optimizer):
     search = Search(optimizer, PLAN, 5, start=START)

@@ -255,9 +255,9 @@ def test_a_run_of_sep_cma_es_is_resumed_repeated_and_shown():
     with np.load("run/champion.npz") as champion, np.load("run/checkpoint.npz") as checkpoint:
         assert (str(champion["optimizer"]), str(champion["training"])) == ("sep_cma_es", "unvaried")
         assert champion["fitness"] == checkpoint["champion_fitness"]
-    champion, history = epuckhebb.evolve(*TINY[:-1], "optimizer.generations=3")
-    np.testing.assert_array_equal(champion, epuckhebb.load("run"))
-    assert history.to_csv(index=False) == Path("run/history.csv").read_text()
+    evolution = epuckhebb.evolve(*TINY[:-1], "optimizer.generations=3")
+    np.testing.assert_array_equal(evolution.champion, epuckhebb.load("run"))
+    assert evolution.history.to_csv(index=False) == Path("run/history.csv").read_text()
     Path("run/checkpoint.npz").write_bytes(Path("whole/checkpoint.npz").read_bytes()[:3000])
     assert "checkpoint.npz" in call("evolve", "resume=run", "optimizer.generations=4").stderr
 

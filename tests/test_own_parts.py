@@ -19,6 +19,7 @@ from epuckhebb import Rule
 from epuckhebb.config import EvaluateConfig, EvolveConfig, load, plugins
 from epuckhebb.config.parts import KINDS, part_class
 from epuckhebb.controller.compiling.errors import PartError
+from epuckhebb.controller.compiling.sources import UnknownSourceError, kernel_key, own_code
 from epuckhebb.controller.controller import Controller
 from epuckhebb.controller.evolved import Evolved
 from epuckhebb.controller.genome import plan_of
@@ -745,3 +746,13 @@ def test_rows_and_own_rules_are_choices_of_one_list(here):
     assert set(rows.controller) == {"GA", "gated"}
     done("evaluate", "hebbian=my_rules.py:Gated", "hydra.run.dir=alone", *BRIEF)
     assert Path("alone/metrics.csv").read_bytes() == Path("out/1/metrics.csv").read_bytes()
+
+
+@pytest.mark.usefixtures("here")
+def test_classes_that_a_function_makes_are_others():
+    head = "def made(c):\n    class Made(Rule):\n        synapse = staticmethod(lambda pre: c * pre)\n    return Made\n"
+    Path("my.py").write_text(f"from epuckhebb import Rule\n{head}Plus, Minus = made(1.0), made(-1.0)\n")
+    plus, minus = (plugins.class_named(f"my.py:{name}", Rule, "hebbian.rule") for name in ("Plus", "Minus"))
+    assert own_code((plus,)) != own_code((minus,))
+    with pytest.raises(UnknownSourceError):  # no file tells what a function's variables hold
+        kernel_key((plus,))

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from cases import call, contents, first_of, refused
 
+from epuckhebb.config import load_any
 from epuckhebb.config.errors import explain
+from epuckhebb.runtime import ConfigError
 from epuckhebb.store.genome import champion_file, load_genome
 
 RULE = """from dataclasses import dataclass
@@ -337,3 +339,10 @@ def test_a_link_to_nothing_in_place_of_runs_is_named(here):
     (here / "runs").symlink_to(here / "nowhere")
     for words in (["evaluate", "lifetime.duration_s=2"], ["sweep", "light", "repeats=1"]):
         assert f"runs is a link to {here / 'nowhere'}" in refused(*words)
+
+
+@pytest.mark.parametrize("wrong", ["scenario=bright", "seed=x", "change=[slip_lef]", "hydra/launcher=foo"])
+def test_the_wrong_word_alone_is_named(wrong):
+    with pytest.raises(ConfigError) as error:
+        load_any("evaluate", ["lifetime.noise=0.5", wrong, "repeats=3"])
+    assert str(error.value).startswith(f"{wrong}: ")

@@ -22,12 +22,21 @@ from epuckhebb.config import (
     load_any,
     overrides_of,
     quoted,
+    text_of,
     value_text,
 )
 from epuckhebb.controller.plasticity.rule import NoRule, Rule
 from epuckhebb.evolution.evolve import history_row
-from epuckhebb.runs import as_evolved, evolved, genome_of, prepare_evaluation, prepare_evolution, settings_but_seed
-from epuckhebb.runtime import ConfigError, bar, be_quiet, refusing, thread_count
+from epuckhebb.runs import (
+    as_evolved,
+    evolved,
+    genome_of,
+    prepare_evaluation,
+    prepare_evolution,
+    settings_but_seed,
+    settings_of,
+)
+from epuckhebb.runtime import ConfigError, bar, be_quiet, conf, refusing, thread_count
 from epuckhebb.store import load_genome, resolve_run
 
 Genes = NDArray[np.float64]
@@ -92,8 +101,8 @@ def _evaluated(
         words = as_evolved([*words, f"genome={quoted(str(resolve_run(genome, 'evolve')))}"], folder)
     config = load_any("evaluate", words, folder)
     _take(config, rule)
-    genes = genome.champion if isinstance(genome, Evolution) else genome
-    loaded = None if isinstance(genes, str | Path) else genome_of(genes, config)
+    given = genome.genome if isinstance(genome, Evolution) else genome
+    loaded = None if isinstance(given, str | Path) else genome_of(given, config)
     prepared = prepare_evaluation(config, loaded)
     prepared.world.compile(prepared.genome.network)
     rows, recorded = prepared.run(thread_count(config.threads), record=record)
@@ -121,7 +130,7 @@ def evolve(*overrides: str, config_dir: str | Path | None = None, progress: bool
             may be objects, as for `evaluate`.
 
     Returns:
-        The champion of the last generation, and the rows of `history.csv`.
+        The champion of the last generation, `.champion` and `.genome`, and the rows of `history.csv`, `.history`.
     """
     be_quiet(not progress)
     rule = keys.pop("hebbian") if isinstance(keys.get("hebbian"), Rule) else None
@@ -129,8 +138,12 @@ def evolve(*overrides: str, config_dir: str | Path | None = None, progress: bool
     _take(config, rule)
     prepared = prepare_evolution(config)
     prepared.compile()
-    generations = list(prepared.generations(thread_count(config.threads)))
-    return Evolution(generations[-1].champion, pd.DataFrame(map(history_row, generations)))
+    threads = thread_count(config.threads)
+    *_, last = generations = list(prepared.generations(threads))
+    genome, rows = prepared.genome(last, prepared.nominal(last, threads)), map(history_row, generations)
+    known = settings_but_seed(config.values)
+    settings = known if rule is None else {**known, "hebbian": f"{text_of(type(rule))} {config.rule}"}
+    return Evolution(genome=genome, history=pd.DataFrame(rows), settings=settings)
 
 
 def compare(evolutions: Mapping[Any, Sequence[Evolution | str | Path]], fitness: float | None = None) -> pd.DataFrame:
@@ -154,7 +167,7 @@ def compare(evolutions: Mapping[Any, Sequence[Evolution | str | Path]], fitness:
 
 
 def _listed(way: Any, evolutions: Any) -> list[Evolution | Path]:
-    is_list = isinstance(evolutions, Sequence) and not isinstance(evolutions, str | Evolution)
+    is_list = isinstance(evolutions, Sequence) and not isinstance(evolutions, str)
     if not is_list or not evolutions or not all(isinstance(one, Evolution | str | Path) for one in evolutions):
         raise ConfigError(f"{_NEEDS_WAYS}, got {evolutions!r} for {way!r}")
     return [one if isinstance(one, Evolution) else resolve_run(one, "evolve") for one in evolutions]
@@ -162,12 +175,13 @@ def _listed(way: Any, evolutions: Any) -> list[Evolution | Path]:
 
 def _histories(way: Any, evolutions: list[Evolution | Path]) -> list[pd.DataFrame]:
     """The histories of evolutions that differ in their seeds alone, each of them once."""
-    found = [one if isinstance(one, Evolution) else evolved(one) for one in evolutions]
-    folders = [path for path in evolutions if isinstance(path, Path)]
-    settings = [settings_but_seed(path) for path in folders]
-    for path, own in zip(folders, settings, strict=True):
-        if differ := [key for key in {**own, **settings[0]} if own.get(key) != settings[0].get(key)]:
-            raise ConfigError(f"evolutions of {way!r} may differ in seed alone, {folders[0]} and {path} in {differ[0]}")
+    settings = [one.settings if isinstance(one, Evolution) else settings_of(one) for one in evolutions]
+    first, *others = [dict(conf.flat(one)) for one in settings]
+    for number, own in enumerate(others, 1):
+        if differ := [key for key in {**own, **first} if own.get(key) != first.get(key)]:
+            names = f"{evolutions[0]} and {evolutions[number]}"
+            raise ConfigError(f"evolutions of {way!r} may differ in seed alone, {names} in {differ[0]}")
+    found = [(one.champion, one.history) if isinstance(one, Evolution) else evolved(one) for one in evolutions]
     lengths = sorted({len(history) for _, history in found})
     if len(lengths) > 1:
         raise ConfigError(f"evolutions of {way!r} must have as many generations, got {', '.join(map(str, lengths))}")
@@ -225,13 +239,14 @@ def sweep(
     if not lists or not all(isinstance(values, list | tuple | np.ndarray) and len(values) for values in lists):
         raise ConfigError(f"over must be keys with lists of values, as {{'hebbian.N': [0.0002, 0.002]}}, got {over!r}")
     be_quiet(not progress)
-    jobs = [dict(zip(over, values, strict=True)) for values in itertools.product(*over.values())]
+    labels = [_labels(key, values) for key, values in over.items()]
+    jobs = [dict(zip(over, pairs, strict=True)) for pairs in itertools.product(*labels)]
     evaluations = []
     with bar("job", len(jobs)) as shown:
         be_quiet(True)
         for job in jobs:
-            settings = {key: _label(key, value) for key, value in job.items()}
-            own = {**keys, **job}
+            settings = {key: label for key, (_, label) in job.items()}
+            own = {**keys, **{key: value for key, (value, _) in job.items()}}
             result = _evaluated(own.pop("genome", genome), overrides, config_dir, own, record=False)
             sha256, ids = result.genome.sha256, result.prepared.lifetime_ids
             evaluations.append(Evaluated(settings=settings, sha256=sha256, ids=ids, rows=result.metrics))
@@ -241,6 +256,17 @@ def sweep(
     return gathered.rows
 
 
+def _labels(key: str, values: Sequence[Any]) -> list[tuple[Any, Any]]:
+    """The values of a key in a sweep, each with its text in tables: another object of one name has a number."""
+    labels, known = [], dict[Any, Any]()
+    for value in values:
+        label, numbers = (name := _label(key, value)), itertools.count(2)
+        while (isinstance(value, Rule) or callable(value)) and known.setdefault(label, value) != value:
+            label = f"{name} ({next(numbers)})"
+        labels.append((value, label))
+    return labels
+
+
 def _label(key: str, value: Any) -> Any:
     """A value of a sweep in a table."""
     if isinstance(value, Rule):
@@ -248,7 +274,7 @@ def _label(key: str, value: Any) -> Any:
         facts = (f"{name} = {own:g}" if isinstance(own, float) else f"{name} = {own}" for name, own in given.items())
         return ", ".join([controller_of(value, Adaptation()).name, *facts])
     if callable(value):
-        return value.__name__
+        return text_of(value).rpartition(":")[2]
     if key == "genome" and not isinstance(value, str | Path):
         return "array"
     return value if isinstance(value, str | int | float) else value_text(value, key)

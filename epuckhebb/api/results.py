@@ -2,9 +2,10 @@
 
 import html
 from base64 import b64encode
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -154,8 +155,24 @@ class Evaluation:
         return "".join([self.table.to_html(), *(f"<p>{html.escape(note)}</p>" for note in self._notes)])
 
 
-class Evolution(NamedTuple):
-    """The result of an evolution. champion: its genes. history: a row a generation, as in `history.csv`."""
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Evolution:
+    """The result of an evolution: its champion, with all that it was evolved for and by, and its history.
 
-    champion: NDArray[np.float64]
+    Attributes:
+        genome: The champion: its genes, its rule, the signs of its updates, its physics, what it remembers.
+        history: A row a generation, as in `history.csv`.
+        settings: All settings on which the results depend, but for the seed.
+    """
+
+    genome: Genome
     history: pd.DataFrame
+    settings: Mapping[str, Any]
+
+    @property
+    def champion(self) -> NDArray[np.float64]:
+        """The genes of the champion, 234 in the paper's network."""
+        return self.genome.genes
+
+    def __repr__(self) -> str:
+        return f"Evolution of {len(self.history)} generations, best fitness {self.history.best_fitness.iloc[-1]:.3f}"

@@ -34,6 +34,7 @@ from epuckhebb.config.plugins import (
     own_place,
     own_references,
     own_sources,
+    text_of,
     with_own_copies,
 )
 from epuckhebb.config.resolve import training_world, world_name

@@ -18,7 +18,7 @@ from hydra.core.plugins import Plugins
 from hydra.plugins.search_path_plugin import SearchPathPlugin
 from omegaconf import DictConfig, OmegaConf
 
-from epuckhebb.config.errors import explain
+from epuckhebb.config.errors import explain, wrong_of
 from epuckhebb.config.overrides import check_words, for_hydra
 from epuckhebb.config.schema import SCHEMAS, structured
 from epuckhebb.config.source import Choices
@@ -78,7 +78,7 @@ def _composed(command: str, words: tuple[str, ...], config_dir: str | None) -> C
     except ConfigError:
         raise
     except Exception as error:  # what damaged files may raise has no end
-        raise ConfigError(f"{' '.join(words)}{': ' if words else ''}{explain(error)}") from error
+        raise ConfigError(f"{' '.join(wrong_of(words, error))}{': ' if words else ''}{explain(error)}") from error
     OmegaConf.set_struct(cfg, False)
     hydra = cfg.pop("hydra")
     return Composed(command, words, cfg, hydra, choices_of(hydra.runtime))

@@ -4,7 +4,7 @@ They have files of their own in `conf/`, so that keys of the maze are none of th
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from inspect import isfunction
 from pathlib import Path
 from typing import Any, ClassVar
@@ -18,7 +18,7 @@ from epuckhebb.config.plugins import class_named, is_own, object_named, place_fi
 from epuckhebb.config.schema import Checked, Evaluates, Evolves, Figures, register
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.control import Control, Sign
-from epuckhebb.controller.plasticity.rule import Acts, Normalise, NoRule, Rule
+from epuckhebb.controller.plasticity.rule import Acts, NoRule, Rule
 from epuckhebb.controller.ranges import check, within
 from epuckhebb.controller.wiring import LAYERS, Wiring
 from epuckhebb.evolution.training import UNVARIED
@@ -71,15 +71,12 @@ class EnvironmentConfig(Checked):
         self.rule, self.controllers = rule, [Controller(name=name, rule=rule)]
 
     def take(self, rule: Rule) -> None:
-        """Let controllers learn by a rule that was made in Python.
+        """Let controllers learn by a rule that was made in Python, as it is.
 
-        What it leaves as its class has it is as in all environments.
+        Only its signal is the reward, unless it has one: that of its class is of the maze.
         """
-        usual: dict[str, Any] = {**_USUAL, "signal": SIGNAL}
-        if rule.name.startswith("abcd") and self.shape is None:
-            usual["normalise"] = Normalise[_AS_PAPERS["normalise"]]
-        left = {field.name for field in fields(rule) if getattr(rule, field.name) == field.default}
-        self.use(replace(rule, **{key: value for key, value in usual.items() if key in left}))
+        is_left = rule.signal == type(rule).signal
+        self.use(replace(rule, signal=SIGNAL) if is_left else rule)
 
     def check_rule(self, rule: Rule) -> None:
         """Refuse a rule with what only the maze has."""

@@ -1,6 +1,7 @@
 """Makes one line of what Hydra, OmegaConf and YAML say is wrong."""
 
 import re
+from collections.abc import Sequence
 
 import yaml
 
@@ -9,6 +10,7 @@ from epuckhebb.runtime import did_you_mean
 _KEY = "full_key:"  # before the key, on a line of its own
 _NOISE = ("object_type=", "reference_type=", "provider=")  # lines that say nothing to a user
 _AS_TEXT = "it has keys below it; in a file, a choice stands in its defaults, as `- override /scenario: lowlight`"
+_WRONG = re.compile(r"Could not (?:find|load) '([\w/]+)/([^/']+)'|Error merging override [+~]*([^\s=]+)=")
 _EXTRAS = {"submitit": "slurm", "ray": "ray"}  # launcher -> the extra of this package that has it
 
 
@@ -49,6 +51,14 @@ def explain(error: BaseException) -> str:
         message = message.removesuffix(".")
         message += f'; this launcher is a plug-in: pip install "epuckhebb[{_EXTRAS[launcher[1]]}]"'
     return message
+
+
+def wrong_of(words: Sequence[str], error: BaseException) -> Sequence[str]:
+    """The overrides that Hydra says are wrong; all of them where it names none."""
+    if not (found := _WRONG.search(str(error))):
+        return words
+    key, value = found[1] or found[3], found[2] or ""
+    return [word for word in words if word.lstrip("+~").partition("=")[0] == key and value in word] or words
 
 
 def _number(found: re.Match[str]) -> str:

@@ -8,6 +8,7 @@ import copy
 import functools
 import hashlib
 import importlib
+import itertools
 import re
 import sys
 import traceback
@@ -123,8 +124,14 @@ def is_own(text: str) -> bool:
 
 
 def text_of(thing: Any) -> str:
-    """The text that stands for a class or a function of Python in a configuration of this process."""
-    text = f"{thing.__module__}:{thing.__qualname__}"
+    """The text that stands for a class or a function of Python in a configuration of this process.
+
+    Another one of the same name has a number after it: a function may make several.
+    """
+    name = getattr(thing, "__qualname__", type(thing).__name__)
+    names = itertools.chain([name], (f"{name}_{number}" for number in itertools.count(2)))
+    known = {text.rpartition(":")[2]: one for text, one in _objects.items()}
+    text = f"{thing.__module__}:{next(one for one in names if known.get(one, thing) is thing)}"
     _objects[text] = thing
     return text
 
@@ -151,6 +158,8 @@ def class_named(text: str, base: type[Base], key: str) -> type[Base]:
     kind = object_named(text, key)
     if isinstance(kind, type) and issubclass(kind, base):
         return kind
+    if text in _objects:
+        raise ConfigError(f"{key} must be a subclass of {base.__name__}, or a function that makes one, got {kind!r}")
     file, _, name = text.rpartition(":")
     module = load(path_of(file, key), f"{key}={text}")
     known = [n for n, v in vars(module).items() if isinstance(v, type) and issubclass(v, base) and v is not base]

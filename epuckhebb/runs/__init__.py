@@ -25,6 +25,7 @@ from epuckhebb.runs.evolve import (
     prepare_evolution,
     resume,
     settings_but_seed,
+    settings_of,
 )
 from epuckhebb.runs.maze import compile_for
 from epuckhebb.runs.notes import caption, notes_of

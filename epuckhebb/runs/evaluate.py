@@ -3,7 +3,7 @@
 import json
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from epuckhebb.runs.begin import begin
 from epuckhebb.runs.hydra import Report, unreported
 from epuckhebb.runs.world import world_of
 from epuckhebb.runtime import LATEST, ConfigError, data_folder
-from epuckhebb.store import Genome, Run, RunFolder, checked_genes, digest, list_runs, load_genome, resolve_run
+from epuckhebb.store import Genome, Run, RunFolder, checked_genes, digest, list_runs, load_genome, resolve_run, shaped
 from epuckhebb.tmaze.individual import GA_ALONE
 from epuckhebb.tmaze.robot import EPUCK
 from epuckhebb.tmaze.scenario import TRAINED
@@ -146,7 +146,12 @@ def _latest_in(environment: str) -> Path:
 
 
 def genome_of(genes: Any, config: Any) -> Genome:
-    """A genome that is an array, for the network of some settings, without or with the parameters of their rules."""
+    """A genome from Python, for the network of some settings.
+
+    An array has the parameters of their rules, or none.
+    """
+    if isinstance(genes, Genome):
+        return replace(genes, network=shaped(genes.network, genes.name, config.shape))
     network, array = config.network_made, np.asarray(genes)
     plans = [plan_of(network), *(plan_of(network, type(controller.rule)) for controller in config.controllers)]
     plan = next((plan for plan in plans if array.shape == (plan.genes,)), plans[0])

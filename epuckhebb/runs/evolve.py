@@ -4,7 +4,8 @@ The checkpoint alone says how far an evolution is. `history.csv` and `champion.n
 be killed between any two files: resumed, it ends bit-identical.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -139,10 +140,14 @@ class PreparedEvolution:
 
     def champion(self, last: Generation, nominal: Any = None) -> bytes:
         """The `champion.npz` of a generation."""
+        return champion_file(self.genome(last, nominal), last.champion_fitness, self.config.seed, last.number)
+
+    def genome(self, last: Generation, nominal: Any = None) -> Genome:
+        """The champion of a generation, with all that it was evolved for and by."""
         config, rule = self.config, self.config.rule
-        genome = Genome(
+        return Genome(
             genes=last.champion,
-            name=CHAMPION,
+            name=Path(CHAMPION).stem,
             network=self.network,
             plan=self.plan,
             optimizer=config.algorithm.name,
@@ -152,7 +157,6 @@ class PreparedEvolution:
             nominal=nominal,
             **self.world.facts,
         )
-        return champion_file(genome, last.champion_fitness, config.seed, last.number)
 
 
 def prepare_evolution(config: Any, *, has_genome: bool = True) -> PreparedEvolution:
@@ -222,7 +226,7 @@ def evolve_into(
         return
     run = begin(path, "evolve", config, overrides, {"seed": config.seed, **facts}, goes_on=is_many)
     if is_many and (path / CHECKPOINT).is_file():
-        after = Checkpoint.read(path, prepared.search, _digest(path, config))
+        after = _checkpoint(path, prepared, config)
     evolve_after(run, prepared, after, threads=threads, quiet=is_many, report=report)
 
 
@@ -280,16 +284,21 @@ def evolved(path: Path) -> tuple[NDArray[np.float64], Any]:
     return load_genome(str(path), "").genes, run.table("history.csv")
 
 
-def settings_but_seed(path: Path) -> dict[str, Any]:
-    """The settings of an evolution on which its results depend, by key, without the seed."""
-    return conf.without(settings(path / CONFIG), ("seed", *conf.NO_EFFECT))
+def settings_of(path: Path) -> dict[str, Any]:
+    """The settings of a run on which its results depend, without the seed."""
+    return settings_but_seed(settings(path / CONFIG))
+
+
+def settings_but_seed(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The settings of an evolution on which its results depend, without the seed."""
+    return conf.without(values, ("seed", *conf.NO_EFFECT))
 
 
 def earlier_champions(path: Path, shares: Sequence[float]) -> Iterator[tuple[int, NDArray[np.float64]]]:
     """The champions of a whole evolution after shares of its generations, each with the robot-steps until then."""
     config = from_values(settings(path / CONFIG), EvolveConfig, str(path / CONFIG))
     prepared, run = prepare_evolution(config), Run(path)
-    last = Checkpoint.read(path, prepared.search, _digest(path, config))
+    last = _checkpoint(path, prepared, config)
     assert last is not None  # it is whole
     steps = run.table("history.csv").robot_steps.cumsum()
     for share in shares:
@@ -322,13 +331,10 @@ def resume(arguments: list[str], report: Report = unreported) -> Path:
     config = from_values(values, schema, f"resume={path}")
     prepared = prepare_evolution(config)
     prepared.compile()
-    after = Checkpoint.read(path, prepared.search, _digest(path, before))
+    after = _checkpoint(path, prepared, before)
     generations, done, key = config.schedule.generations, 0, changeable[0]
     if after is not None:
         done = after.generation.number + 1
-        champion = prepared.network_genes(after.generation.champion)
-        if prepared.given is not None and not np.array_equal(champion, prepared.given):
-            raise ConfigError(f"genome={config.genome} does not hold the weights with which {path} began")
     if generations < done:
         raise ConfigError(f"{key} must be {done} or more, the generations that {path} has, got {generations}")
     if generations == done and run.status["state"] == "finished":
@@ -340,6 +346,24 @@ def resume(arguments: list[str], report: Report = unreported) -> Path:
     say(f"Resuming after {done} of {generations} generations.")
     evolve_after(folder, prepared, after, threads=thread_count(config.threads), report=report)
     return path
+
+
+def _checkpoint(path: Path, prepared: PreparedEvolution, before: EvolveConfig) -> Checkpoint | None:
+    """The checkpoint of an evolution that goes on; a ConfigError if a champion that it was given is another by now.
+
+    before: its settings, as it began.
+    """
+    if prepared.start and (path / CHAMPION).is_file():
+        began = prepared.start[0].sha256
+        with suppress(ConfigError):  # a damaged one is written anew from the checkpoint
+            began = load_genome(str(path), "").start
+        if prepared.start[0].sha256 not in began:
+            raise ConfigError(f"start={before.start} is not the champion at which {path} began")
+    after = Checkpoint.read(path, prepared.search, _digest(path, before))
+    given = prepared.given
+    if after and given is not None and not np.array_equal(prepared.network_genes(after.generation.champion), given):
+        raise ConfigError(f"genome={before.genome} does not hold the weights with which {path} began")
+    return after
 
 
 def _changeable(config: EvolveConfig) -> tuple[str, ...]:

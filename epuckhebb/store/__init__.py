@@ -19,7 +19,7 @@ from epuckhebb.store.disk import (
     write_atomic,
 )
 from epuckhebb.store.folder import UNFINISHED, Content, RunFolder, as_bytes, check_multirun_folder, set_aside
-from epuckhebb.store.genome import Genome, champion_file, checked_genes, load_genome
+from epuckhebb.store.genome import Genome, champion_file, checked_genes, load_genome, shaped
 from epuckhebb.store.lock import is_locked, locked
 from epuckhebb.store.provenance import SCIENCE, compare_machines, digest, fingerprint, versions
 from epuckhebb.store.run import Run, list_runs, multirun_runs, resolve_run

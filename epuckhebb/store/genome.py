@@ -196,6 +196,25 @@ def parse_network(arrays: Mapping[str, Any], default: tuple[int, ...] = PAPER_NE
     return Network(layers, rewarded, recorded_wiring(str(arrays["wiring"]), layers[1:], arrays["joined"].T.tolist()))
 
 
+def shaped(network: Network, where: str, shape: tuple[int, ...] | Wiring | None) -> Network:
+    """The network of a genome, with the settings of a wiring; a ConfigError if it has another shape, if one is given.
+
+    A wiring must join the same neurons.
+    """
+    if isinstance(shape, Wiring):
+        wired, own = Network((network.inputs, *shape.sizes), network.rewarded, shape), network.wiring
+        is_like = own is not None and own.name == shape.name and wired.layers == network.layers
+        if not (is_like and np.array_equal(wired.joined, network.joined)):
+            its = f"{network} with network.wiring={own.name if own else LAYERS}"
+            raise ConfigError(
+                f"genome={where} is for {its}, the settings make {wired} with network.wiring={shape.name}"
+            )
+        return wired
+    if shape and network.layers != shape:
+        raise ConfigError(f"genome={where} is of layers {network}, and network.layers asks for {list(shape)}")
+    return network
+
+
 def _read_genome(path: Path, name: str, shape: tuple[int, ...] | Wiring | None) -> Genome:
     """Read a genome from a file, and check that it fits the shape of the network, if one is given."""
     layers = None if isinstance(shape, Wiring) else shape
@@ -203,18 +222,7 @@ def _read_genome(path: Path, name: str, shape: tuple[int, ...] | Wiring | None) 
         arrays = parse_arrays(Run(path.parent).content(path.name))
         if "genome" not in arrays and len(arrays) != 1:
             raise ValueError("it holds several arrays, none named `genome`")
-        network = parse_network(arrays, layers or PAPER_NETWORK.layers)
-        if isinstance(shape, Wiring):  # it must join the same neurons as that of the file
-            wired, own = Network((network.inputs, *shape.sizes), network.rewarded, shape), network.wiring
-            is_like = own is not None and own.name == shape.name and wired.layers == network.layers
-            if not (is_like and np.array_equal(wired.joined, network.joined)):
-                its = f"{network} with network.wiring={own.name if own else LAYERS}"
-                raise ConfigError(
-                    f"genome={path} is for {its}, the settings make {wired} with network.wiring={shape.name}"
-                )
-            network = wired
-        if layers and network.layers != layers:
-            raise ConfigError(f"genome={path} is of layers {network}, and network.layers asks for {list(layers)}")
+        network = shaped(parse_network(arrays, layers or PAPER_NETWORK.layers), str(path), shape)
         plan = plan_of(network)
         if "parts" in arrays:
             plan = GenomePlan(tuple(map(Part, arrays["parts"].tolist(), arrays["part_sizes"].tolist())))

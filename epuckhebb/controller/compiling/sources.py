@@ -39,13 +39,13 @@ def kernel_key(values: object) -> str:
     """Sixteen hexadecimal digits for a kernel. values: all that its parts are made from, as tuples and dataclasses."""
     text = re.sub(rf"{OWN_PACKAGE}\w+", "own", repr(values))  # wherever the user's file is
     others = [name for name in _packages(values) if not name.startswith(OWN_PACKAGE)]
-    if others or " at 0x" in text:
+    if others or " at 0x" in text or "<locals>" in text:  # what a function makes holds values of which no file tells
         raise UnknownSourceError(f"the sources of {', '.join(others) or text} are not known")
     return _digest(_science(), own_code(values), text)
 
 
 def own_code(values: object) -> str:
-    """A digest of the users' files that the classes of these values are from, as far as they are known."""
+    """A digest of the users' files that the classes of these values are from, and of the places of these classes."""
     digests = []
     for package in _packages(values):
         beside = sources_in(package).values() if package.startswith(OWN_PACKAGE) else ()
@@ -53,7 +53,7 @@ def own_code(values: object) -> str:
             part for name, module in modules_in(package).items() for part in (name.partition(".")[2], *_held(module))
         )
         digests.append(_digest(*beside, *held, *(content for _, content in sorted(sources_elsewhere(package).items()))))
-    return _digest(*sorted(digests))
+    return _digest(*sorted(digests), *(place for kind in _foreign(values) for place in _places(kind)))
 
 
 def modules_in(package: str) -> dict[str, ModuleType]:
@@ -107,7 +107,22 @@ def _as_imported(_module: ModuleType, file: Path) -> bytes:
 
 def _packages(values: object) -> set[str]:
     """The packages, but for ours and Python's, that classes of these values are from."""
-    return {kind.__module__.partition(".")[0] for kind in _kinds(values)} - _OURS
+    return {kind.__module__.partition(".")[0] for kind in _foreign(values)}
+
+
+def _foreign(values: object) -> Iterator[type]:
+    """The classes in these values that are neither ours nor Python's."""
+    return (kind for kind in _kinds(values) if kind.__module__.partition(".")[0] not in _OURS)
+
+
+def _places(kind: type) -> list[str]:
+    """The names by which modules of its package hold a class: two that a function made have one name of their own.
+
+    A class that none holds, as one in a list of a notebook, is known in this process alone.
+    """
+    modules = modules_in(kind.__module__.partition(".")[0]).items()
+    held = ((module.partition(".")[2], name, value) for module, one in modules for name, value in vars(one).items())
+    return [f"{module} {name}" for module, name, value in held if value is kind] or [str(id(kind))]
 
 
 def _kinds(values: Any) -> Iterator[type]:
