@@ -47,7 +47,7 @@ class TimedKernel:
 
 
 def timed_kernel_of(*parts, **more):
-    return TimedKernel(kernel_of(*parts, **more))
+    return TimedKernel(lifetime_kernel(*parts, **more))
 
 
 def timed_evolve(*arguments, **named):
@@ -61,6 +61,10 @@ def timed_evolve(*arguments, **named):
 
 
 batch.load_kernel()
-kernel_of, simulator.kernel_of, command.evolve = simulator.kernel_of, timed_kernel_of, timed_evolve
+lifetime_kernel, simulator.lifetime_kernel, command.evolve = (
+    simulator.lifetime_kernel,
+    timed_kernel_of,
+    timed_evolve,
+)
 commands.app(["evolve", "--quiet", *sys.argv[1:]], standalone_mode=False)
 print(f"{100 * sum(inside) / time.process_time():.0f} {100 * sum(inside_generations) / sum(generations):.0f}")

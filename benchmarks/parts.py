@@ -12,10 +12,10 @@ from step import GENES
 
 from epuckhebb.controller.forward_pass import forward_pass
 from epuckhebb.controller.genotype import Genotype
-from epuckhebb.controller.network import PAPER_NETWORK, initial_weights_of
+from epuckhebb.controller.network import PAPER_NETWORK, starting_weights
 from epuckhebb.controller.own_class import stored
 from epuckhebb.controller.plasticity.rules.paper import Paper
-from epuckhebb.controller.plasticity.update import StepContext, update_of, workspace_for
+from epuckhebb.controller.plasticity.update import StepContext, make_update, make_workspace
 from epuckhebb.controller.random import normal_numbers
 from epuckhebb.tmaze import light
 from epuckhebb.tmaze.maze import T_MAZE, Pose, boxes
@@ -26,7 +26,7 @@ from epuckhebb.tmaze.senses import sense_workspace, senses
 LOOPS, REPEATS = 100_000, 7
 loop: Any = njit(nogil=True, error_model="numpy")
 sense, draw_noise, forward, move = senses(EPUCK, PYMUNK), normal_numbers(16), forward_pass(PAPER_NETWORK), mover(EPUCK)
-learn = update_of(Paper, PAPER_NETWORK)
+learn = make_update(Paper, PAPER_NETWORK)
 
 
 @loop
@@ -70,10 +70,10 @@ def measure() -> list[tuple[str, str]]:
     """Name and median time of each part."""
     walls, lit, network = boxes(T_MAZE), light.lights(0.1, light.Lamp(), True), PAPER_NETWORK
     numbers, activation = np.zeros(16), np.full(network.neurons, 0.3)
-    genes, settings = initial_weights_of(np.load(GENES)["genome"]), Paper(N=1e-5).numbers()
+    genes, settings = starting_weights(np.load(GENES)["genome"]), Paper(N=1e-5).numbers()
     state, nothing = stored(Paper.synapse_state, network.synapses), np.empty(0)
     genotype = Genotype(genes, state, np.empty((0, network.synapses)), nothing, nothing, np.ones(network.synapses))
-    plasticity = genes.copy(), state, genotype, activation, settings, workspace_for(network)
+    plasticity = genes.copy(), state, genotype, activation, settings, make_workspace(network)
     still, wall, corner = (PymunkSpace(walls, EPUCK) for _ in range(3))
     still.place_robot(T_MAZE.start)
     wall.place_robot(Pose(0.007, 0.16, math.pi / 2))

@@ -15,7 +15,7 @@ from statistics import median
 import numpy as np
 
 from epuckhebb.config.parts import KINDS, part_class
-from epuckhebb.controller.genome import plan_of
+from epuckhebb.controller.genome import make_plan
 from epuckhebb.controller.network import PAPER_NETWORK
 from epuckhebb.controller.plasticity.rule import InitialWeights, Rule
 from epuckhebb.controller.plasticity.rules.paper import Paper
@@ -49,7 +49,7 @@ def individuals(count: int, controller: Controller = HEBBIAN) -> list[Individual
 
     What a rule evolves is drawn at random.
     """
-    genes = initial(np.random.default_rng(1), 1, plan_of(PAPER_NETWORK, type(controller.rule)))[0]
+    genes = initial(np.random.default_rng(1), 1, make_plan(PAPER_NETWORK, type(controller.rule)))[0]
     genes[: PAPER_NETWORK.synapses] = np.load(GENES)["genome"]
     return [
         Individual(

@@ -15,12 +15,12 @@ import gymnasium
 import numpy as np
 
 import epuckhebb.worlds.foraging  # noqa: F401  # registers it
-from epuckhebb.config import EvolveConfig, load, overrides_of, values_of
+from epuckhebb.config import EvolveConfig, load, make_overrides, values_of
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.network import PAPER_NETWORK, WEIGHT_LIMIT, GivenOutputs, Network
 from epuckhebb.controller.plasticity.rule import NO_RULE
 from epuckhebb.controller.random import Stream, key
-from epuckhebb.runs import compile_for
+from epuckhebb.runs import compile_kernels
 from epuckhebb.runtime import ConfigError
 from epuckhebb.tmaze.individual import Individual
 from epuckhebb.tmaze.maze import SIDES, Side
@@ -60,7 +60,7 @@ class TMaze(gymnasium.Env[Floats, Floats]):
             raise ConfigError(f"render_mode must be None: nothing is drawn here, got {render_mode!r}")
         if reward not in REWARDS:
             raise ConfigError(f"reward must be one of {', '.join(REWARDS)}, got {reward!r}")
-        words = overrides_of(overrides, {"scenario": scenario, "hebbian": "none"})
+        words = make_overrides(overrides, {"scenario": scenario, "hebbian": "none"})
         for name in values_of(words[2:]):
             if name.partition(".")[0] not in _OF_WORLD:
                 raise ConfigError(f"{name} does nothing here; overrides set {', '.join(_OF_WORLD)}")
@@ -71,7 +71,7 @@ class TMaze(gymnasium.Env[Floats, Floats]):
         lowest[self.world.robot.inputs :] = -1.0
         self.observation_space = gymnasium.spaces.Box(lowest, np.ones(self.world.inputs), dtype=np.float64)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (OUTPUTS,), np.float64)
-        compile_for([], self.network, self.world)
+        compile_kernels([], self.network, self.world)
         self._simulator = Simulator(self.world, self.lifetime, NO_RULE)
         self._session: Session | None = None
 

@@ -21,7 +21,7 @@ from epuckhebb.analysis.statistics import bootstrap, holm, mean, sign_flip, wils
 from epuckhebb.analysis.tables import Table
 from epuckhebb.config import EvaluateConfig, EvolveConfig, load
 from epuckhebb.controller.network import PAPER_NETWORK
-from epuckhebb.runs import compile_for, prepare_evaluation, prepare_evolution
+from epuckhebb.runs import compile_kernels, prepare_evaluation, prepare_evolution
 from epuckhebb.store import load_genome
 from epuckhebb.tmaze.scenario import TRAINED
 
@@ -277,7 +277,7 @@ def _evaluation(world, seed, repeats, *words):
     scenario, *changes = world.split("+")
     named = [f"scenario={scenario}", f"change={changes}", f"seed={seed}", f"repeats={repeats}"]
     config = load(EvaluateConfig, [*named, "lifetime.record_every=0", *words])
-    compile_for(config.controllers, PAPER_NETWORK, config.world)
+    compile_kernels(config.controllers, PAPER_NETWORK, config.world)
     return config
 
 

@@ -13,8 +13,8 @@ import reference
 from hypothesis import settings
 from omegaconf import OmegaConf
 
-from epuckhebb.config.build import robot_from
-from epuckhebb.controller.network import PAPER_NETWORK, Network, by_layer
+from epuckhebb.config.build import make_robot
+from epuckhebb.controller.network import PAPER_NETWORK, Network, split_layers
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.studies.study import find_study
 from epuckhebb.tmaze.batch import run_lifetimes
@@ -118,7 +118,7 @@ def run_lifetime():
 @pytest.fixture(scope="session")
 def lidar():
     """An e-puck with a ring of 24 rays that feel walls up to half a metre away, instead of its infra-red sensors."""
-    return robot_from(OmegaConf.to_container(OmegaConf.load(HERE.parent / "conf" / "robot" / "epuck_lidar.yaml")))
+    return make_robot(OmegaConf.to_container(OmegaConf.load(HERE.parent / "conf" / "robot" / "epuck_lidar.yaml")))
 
 
 @pytest.fixture(scope="session")
@@ -127,7 +127,7 @@ def constant():
 
     def genes(left=1.0, right=1.0, network=PAPER_NETWORK):
         weights = np.zeros(network.synapses)
-        layers = by_layer(network, weights)
+        layers = split_layers(network, weights)
         layers[0][network.bias, 0] = 2.0
         for layer in layers[1:-1]:
             layer[0, 0] = 2.0

@@ -71,12 +71,12 @@ class Robot:
         self.enter(scenario)
         self.put_walls()
 
-        synapses, of_network = self.shape(network, genes)
-        self.genes = self.by_layer(np.clip(genes[:synapses], -2, 2))
+        synapses, network_parts = self.shape(network, genes)
+        self.genes = self.split_layers(np.clip(genes[:synapses], -2, 2))
         if controller.rule.initial_weights.name == "random":
             drawn = random.rng(int(self.key), random.Stream.initial_weights).uniform(-0.1, 0.1, synapses)
-            self.genes = self.by_layer(drawn)
-        self.signs = self.by_layer(np.ones(sum(g.size for g in self.genes)) if signs is None else signs)
+            self.genes = self.split_layers(drawn)
+        self.signs = self.split_layers(np.ones(sum(g.size for g in self.genes)) if signs is None else signs)
         self.controller, self.rule = controller, controller.rule
         self.substeps = network.wiring.substeps if network.wiring else 1
         # Activations of the last substeps; s from update to update.
@@ -86,7 +86,7 @@ class Robot:
         self.trials, self.reward, self.over, self.time_outs = [], 0.0, False, 0
         if self.task is not None:
             self.begin_trial()
-        self.evolved = self.parts_of(genes[of_network:])
+        self.evolved = self.space_parts(genes[network_parts:])
         self.initialise()
         self.junction, self.undirected, self.before_trial = 0.0, 0.0, 0
         self.nominal, self.recent, self.arrived, self.away, self.late = nominal, None, False, 0.0, 0.0
@@ -113,11 +113,11 @@ class Robot:
         disc.friction, disc.filter = 1, ROBOT
         self.space.add(self.body, disc)
 
-    def by_layer(self, values):
+    def split_layers(self, values):
         cuts = np.cumsum([n * m for n, m in self.shapes])[:-1]
         return [part.reshape(shape) for part, shape in zip(np.split(values, cuts), self.shapes, strict=True)]
 
-    def parts_of(self, genes):
+    def space_parts(self, genes):
         """The evolved parameters of the rule by name: a number, or lists by layer, by neuron, by synapse."""
         layers = [self.shapes[0][0], *(m for _, m in self.shapes)]
         sizes = {
@@ -132,7 +132,7 @@ class Robot:
             size = sizes.get(evolved.per, evolved.per)
             part, genes = np.split(genes, [sum(g.size for g in self.genes) if size == "synapse" else size])
             if size == "synapse":
-                part = self.by_layer(part)
+                part = self.split_layers(part)
             elif evolved.per == "neuron":
                 part = np.split(part, np.cumsum(layers)[:-1])
             parts[name] = part
@@ -441,7 +441,7 @@ class Robot:
         """W' = clip(W + s d_p), d: what the master's weights have moved by in this step."""
         moves = self.yoking.signs * self.master.moved_weights[self.yoking.places]
         limit = self.rule.w_max
-        self.weights = self.by_layer(np.where(moves == 0, weights, np.clip(weights + moves, -limit, limit)))
+        self.weights = self.split_layers(np.where(moves == 0, weights, np.clip(weights + moves, -limit, limit)))
 
     def paper(self, layer, pre, post, state):
         state["trace"] = self.rule.trace_decay * state["trace"] + self.rule.trace_update * (pre * post)

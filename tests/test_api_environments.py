@@ -19,7 +19,7 @@ from epuckhebb.controller.plasticity.control import Control
 from epuckhebb.controller.plasticity.rule import Normalise
 from epuckhebb.controller.plasticity.rules.abcd import ABCD
 from epuckhebb.controller.plasticity.rules.oja import Oja
-from epuckhebb.runs import genome_of, prepare_evaluation
+from epuckhebb.runs import make_genome, prepare_evaluation
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "any_world" / "thermostat.py"
 spec = importlib.util.spec_from_file_location("thermostat_of_test", EXAMPLE)
@@ -150,7 +150,7 @@ def test_rules_that_a_function_makes_are_others():
     ids = []
     for rule in rules:
         config.take(rule)
-        ids.append(prepare_evaluation(config, genome_of(np.zeros(config.network_made.synapses), config)).lifetime_ids)
+        ids.append(prepare_evaluation(config, make_genome(np.zeros(config.network_made.synapses), config)).lifetime_ids)
     assert ids[0]["signed"] != ids[1]["signed"]
     assert [label for _, label in api._labels("hebbian", rules)] == ["signed, N = 0.1", "signed, N = 0.1 (2)"]
 

@@ -10,7 +10,7 @@ import pytest
 from epuckhebb.config import hand
 from epuckhebb.config.compose import load
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig
-from epuckhebb.controller.network import initial_weights_of
+from epuckhebb.controller.network import starting_weights
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.tmaze.batch import run_lifetimes
@@ -112,7 +112,7 @@ def test_a_reset_brings_the_genes_back(genomes):
     (_, plain), (_, reset) = lived_with(genomes[0], reset=True, rate=0.0)
     assert plain.weight_change[64] > 0
     assert not reset.weight_change[64:].any()
-    assert reset.weights[64].tobytes() == initial_weights_of(genomes[0]).astype(np.float32).tobytes()
+    assert reset.weights[64].tobytes() == starting_weights(genomes[0]).astype(np.float32).tobytes()
 
 
 def test_a_block_stops_the_robot(constant):

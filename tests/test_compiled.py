@@ -12,14 +12,14 @@ import pytest
 
 from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.config import plugins
-from epuckhebb.controller.compiling.kernel import compiled, in_module, kernel
+from epuckhebb.controller.compiling.kernel import compiled, kernel, move_to_module
 from epuckhebb.controller.compiling.sources import OWN_PACKAGE
 from epuckhebb.controller.network import PAPER_NETWORK, Network
 from epuckhebb.controller.plasticity.rules.oja import Oja
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze.own_fitness import Fitness
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.simulator import kernel_of
+from epuckhebb.tmaze.simulator import lifetime_kernel
 
 FITNESS = """
 from dataclasses import dataclass
@@ -66,7 +66,7 @@ def test_any_edit_of_a_users_files_is_compiled_anew(monkeypatch, here):
             (here / name).write_text(text)
         forget_own_modules()
         mine = plugins.class_named("mine.py:Mine", Fitness, "fitness.function")
-        values.append(kernel(call, (mine,), step=compiled(in_module(mine.step, __name__)))(3.0))
+        values.append(kernel(call, (mine,), step=compiled(move_to_module(mine.step, __name__)))(3.0))
     assert values == [6.0, 30.0, 105.0, 205.0]
 
 
@@ -84,8 +84,8 @@ def test_an_edit_of_a_helper_in_another_folder_is_compiled_anew(monkeypatch, her
         forget_own_modules()
         importlib.invalidate_caches()
         mine = plugins.class_named("mine.py:Mine", Fitness, "fitness.function")
-        values.append(kernel(call, (mine,), step=compiled(in_module(mine.step, __name__)))(3.0))
-        digests.append(plugins.own_sources({"function": "mine.py:Mine"}))
+        values.append(kernel(call, (mine,), step=compiled(move_to_module(mine.step, __name__)))(3.0))
+        digests.append(plugins.user_sources({"function": "mine.py:Mine"}))
     assert values == [6.0, 51.0]
     assert [len(known) for known in digests] == [2, 2]
     assert digests[0] != digests[1]
@@ -102,7 +102,7 @@ def test_a_class_that_is_from_no_file_of_the_users_is_compiled_in_memory(monkeyp
 
 
 def name_of(rule, network=PAPER_NETWORK):
-    return kernel_of(rule, Adaptation(), network, Scenario()).py_func.__qualname__
+    return lifetime_kernel(rule, Adaptation(), network, Scenario()).py_func.__qualname__
 
 
 def test_parts_have_names_of_their_own():
@@ -126,12 +126,12 @@ def in_processes(code, arguments, cache):
 NAMES = """
 import json
 from epuckhebb.adaptation.adaptation import Adaptation
-from epuckhebb.tmaze.simulator import kernel_of
+from epuckhebb.tmaze.simulator import lifetime_kernel
 from epuckhebb.controller.network import PAPER_NETWORK
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze.scenario import Scenario
 kinds = [Adaptation(change_signal=s) for s in ("none", "late", "novelty")]
-made = [kernel_of(Paper, kind, PAPER_NETWORK, Scenario()).py_func.__qualname__ for kind in kinds]
+made = [lifetime_kernel(Paper, kind, PAPER_NETWORK, Scenario()).py_func.__qualname__ for kind in kinds]
 print(json.dumps(made))
 """
 

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from epuckhebb.config import load
-from epuckhebb.config.environments import EvolveEnvironment, world_of
+from epuckhebb.config.environments import EvolveEnvironment, make_world
 from epuckhebb.controller.compiling.errors import PartError
 from epuckhebb.controller.controller import Controller
-from epuckhebb.controller.genome import plan_of
+from epuckhebb.controller.genome import make_plan
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.rules.modulated import Modulated
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.controller.random import draw
-from epuckhebb.runs.gymnasium import run_lifetimes, setup_of
+from epuckhebb.runs.gymnasium import make_setup, run_lifetimes
 from epuckhebb.worlds.compiled import Compiled
 from epuckhebb.worlds.environment import Environment, World
 from epuckhebb.worlds.foraging import Foraging
@@ -58,8 +58,8 @@ def foraging(*words):
     """The setup of an evolution, and genes with which a robot moves about."""
     mine = [f"environment.horizon={HORIZON}", "environment.options.slip=0.5", "hebbian=modulated", "hebbian.N=0.05"]
     config = load(EvolveEnvironment, ["environment=foraging", *mine, *words])
-    setup = setup_of(config)
-    genes = plan_of(setup.network, Modulated).genes
+    setup = make_setup(config)
+    genes = make_plan(setup.network, Modulated).genes
     return config, setup, np.random.default_rng(4).uniform(-1.5, 1.5, genes)
 
 
@@ -105,7 +105,7 @@ def test_what_a_step_alone_has_is_run_step_by_step():
         def arguments(self, _method):
             return self.names
 
-    world = world_of(load(EvolveEnvironment, ["environment=foraging"]).environment)
+    world = make_world(load(EvolveEnvironment, ["environment=foraging"]).environment)
     assert world.is_compiled(Judge("rewards"))
     assert not world.is_compiled(Judge("observations"))
     for change in ({"action_delay": 2}, {"noisy_readings": {"ahead_green": 0.1}}, {"function": "a.py:f"}):

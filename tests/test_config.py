@@ -15,7 +15,7 @@ from omegaconf import OmegaConf
 
 from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.config.compose import composed, configurations
-from epuckhebb.config.overrides import alternatives, for_hydra, readable
+from epuckhebb.config.overrides import alternatives, hydra_arguments, readable
 from epuckhebb.config.parts import part_class
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, typed
 from epuckhebb.evolution.optimizers.ga import GA
@@ -39,7 +39,7 @@ def test_every_choice_of_every_group_composes(command):
     for some in [*together, *([group] for group in choices if group not in itertools.chain(*together))]:
         for names in itertools.zip_longest(*(choices.get(group, ()) for group in some)):
             words = [f"{group}='{name}'" for group, name in zip(some, names, strict=True) if name is not None]
-            if for_hydra(command, words)[0] == command:  # else a sweep of environments, without a maze
+            if hydra_arguments(command, words)[0] == command:  # else a sweep of environments, without a maze
                 typed(composed(command, words), SCHEMA[command])  # quoted: some names are numbers
 
 
@@ -279,12 +279,12 @@ def test_a_rule_is_one_choice_by_either_key(rule):
 
 def test_two_choices_of_a_rule_are_refused():
     with pytest.raises(ConfigError, match=r"hebbian=oja and hebbian\.rule=abcd"):
-        for_hydra("evaluate", ["hebbian=oja", "hebbian.rule=abcd"])
+        hydra_arguments("evaluate", ["hebbian=oja", "hebbian.rule=abcd"])
 
 
 def test_a_row_and_an_own_rule_are_one_list_by_either_key():
     for key in ("hebbian", "hebbian.rule"):
-        assert for_hydra("evaluate", [f"{key}=none,{RULE}:Gated"]) == ("evaluate", [f"hebbian=none,{RULE}:Gated"])
+        assert hydra_arguments("evaluate", [f"{key}=none,{RULE}:Gated"]) == ("evaluate", [f"hebbian=none,{RULE}:Gated"])
 
 
 def test_a_sweep_over_rules_by_either_key_has_the_same_jobs():
@@ -293,8 +293,8 @@ def test_a_sweep_over_rules_by_either_key_has_the_same_jobs():
         for key in ("hebbian", "hebbian.rule")
     ]
     assert jobs[0] == jobs[1]
-    assert for_hydra("evaluate", ["hebbian.rule=oja,bcm"])[1] == ["hebbian=oja,bcm"]
-    assert for_hydra("evaluate", ["hebbian=a.py:A,b.py:B"])[1] == ["hebbian.rule=a.py:A,b.py:B"]
+    assert hydra_arguments("evaluate", ["hebbian.rule=oja,bcm"])[1] == ["hebbian=oja,bcm"]
+    assert hydra_arguments("evaluate", ["hebbian=a.py:A,b.py:B"])[1] == ["hebbian.rule=a.py:A,b.py:B"]
 
 
 BESIDES = {

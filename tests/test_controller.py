@@ -9,8 +9,8 @@ import pytest
 import epuckhebb
 from epuckhebb import Controller, Hebbian
 from epuckhebb.controller.compiling.errors import PartError
-from epuckhebb.controller.genome import plan_of
-from epuckhebb.controller.network import Network, by_layer
+from epuckhebb.controller.genome import make_plan
+from epuckhebb.controller.network import Network, split_layers
 from epuckhebb.controller.plasticity.rule import Normalise
 from epuckhebb.controller.plasticity.rules.abcd import ABCD
 from epuckhebb.controller.wirings.elman import Elman
@@ -18,15 +18,15 @@ from epuckhebb.gym import ID, evaluation_key
 
 NETWORK = Network((17, 16, 6))
 RULE = ABCD(N=0.05, floor=1.0, normalise=Normalise.largest)
-GENES = np.random.default_rng(3).uniform(-1, 1, plan_of(NETWORK, ABCD).genes)
+GENES = np.random.default_rng(3).uniform(-1, 1, make_plan(NETWORK, ABCD).genes)
 
 
 def in_numpy(seed):
     """A function that is the same controller in plain NumPy."""
-    a, b, c, d, eta = (by_layer(NETWORK, row) for row in GENES[NETWORK.synapses :].reshape(5, -1))
+    a, b, c, d, eta = (split_layers(NETWORK, row) for row in GENES[NETWORK.synapses :].reshape(5, -1))
     controller = Controller(GENES, NETWORK, RULE)
     controller.reset(seed)
-    layers = by_layer(NETWORK, controller.weights.copy())
+    layers = split_layers(NETWORK, controller.weights.copy())
 
     def act(observation):
         activations = [np.append(observation, 1.0)]
@@ -47,7 +47,7 @@ def test_it_acts_and_learns_as_plain_numpy_does():
     controller.reset(seed=5)
     for observation in np.random.default_rng(0).normal(size=(50, 17)):
         np.testing.assert_allclose(controller.act(observation), act(observation), atol=1e-9)
-    for own, expected in zip(by_layer(NETWORK, controller.weights), layers, strict=True):
+    for own, expected in zip(split_layers(NETWORK, controller.weights), layers, strict=True):
         np.testing.assert_allclose(own, expected, atol=1e-9)
     assert controller.weight_change_mean > 1 > controller.saturated_fraction > 0
 

@@ -13,9 +13,9 @@ from test_session import assert_bit_identical, run_in_pieces
 
 from epuckhebb.analysis.evaluate import make_individuals
 from epuckhebb.config import EvaluateConfig, load
-from epuckhebb.controller.genome import plan_of
+from epuckhebb.controller.genome import make_plan
 from epuckhebb.controller.network import PAPER_NETWORK, Network
-from epuckhebb.controller.plasticity.control import Control, Track, Yoking, tracking_of, yoking
+from epuckhebb.controller.plasticity.control import Control, Track, Yoking, make_tracking, yoking
 from epuckhebb.controller.plasticity.rules.oja import Oja
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.runs import prepare_evaluation
@@ -101,7 +101,7 @@ def test_the_weights_of_one_that_lives_longer_than_its_master_rest():
 
 def test_a_step_by_hand():
     network = Network((1, 1))  # two weights, of the input and the bias
-    begin, end = tracking_of(network)
+    begin, end = make_tracking(network)
     kept, change, genes = np.array([[[1.0, 0.5], [1.25, 0.5]]]), np.zeros(16), np.array([1.5, -0.5])
     for places, signs, expected in (
         ([0, 1], [1.0, 1.0], [1.75, -0.5]),
@@ -120,7 +120,7 @@ def test_a_step_by_hand():
 
 def wanted(seed, genes, *controllers):
     some = [(number, "left", 0) for number in range(len(controllers))]
-    return make_individuals(genes, controllers, some, None, plan_of(PAPER_NETWORK), PAPER_NETWORK, seed, None)
+    return make_individuals(genes, controllers, some, None, make_plan(PAPER_NETWORK), PAPER_NETWORK, seed, None)
 
 
 @pytest.mark.parametrize("control", YOKED)

@@ -22,13 +22,13 @@ from epuckhebb.analysis import charts
 from epuckhebb.analysis.environments import effects, lifetime_course, readable, readable_effects, table, unreached
 from epuckhebb.config import load_any
 from epuckhebb.controller.controller import Controller
-from epuckhebb.controller.genome import plan_of
+from epuckhebb.controller.genome import make_plan
 from epuckhebb.controller.plasticity.rule import Normalise, NoRule
 from epuckhebb.controller.plasticity.rules.abcd import ABCD
 from epuckhebb.controller.random import Stream, rng
 from epuckhebb.runs import prepare_evaluation
-from epuckhebb.runs.gymnasium import run_lifetimes, seed_of
-from epuckhebb.runs.world import world_of
+from epuckhebb.runs.gymnasium import environment_seed, run_lifetimes
+from epuckhebb.runs.world import make_world
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Run, load_genome
 from epuckhebb.worlds.changes import CHANGES, Faults, apply
@@ -97,9 +97,9 @@ def test_the_seed_draws_the_shuffled_signs_of_an_evolution_and_its_champion_keep
     config = load_any("evolve", words)
     count = config.network_made.synapses
     signs = drawn_signs(rng(5, Stream.shuffled_signs), count)
-    population = np.random.default_rng(1).uniform(-1, 1, (4, plan_of(config.network_made, ABCD).genes))
-    found = world_of(config).evaluator(config.network_made, 1).evaluate(population, 0)[0]
-    seeds = [seed_of(5, Stream.training_noise, 0, loop) for loop in range(config.schedule.loops)]
+    population = np.random.default_rng(1).uniform(-1, 1, (4, make_plan(config.network_made, ABCD).genes))
+    found = make_world(config).evaluator(config.network_made, 1).evaluate(population, 0)[0]
+    seeds = [environment_seed(5, Stream.training_noise, 0, loop) for loop in range(config.schedule.loops)]
     lives = run_lifetimes(config, [Work(0, genes, seeds, signs) for genes in population], 1)
     assert list(found) == [np.mean([lived.fitness for lived in one]) for one in lives]
     done("evolve", *words, "hydra.run.dir=evolved")
@@ -121,7 +121,7 @@ def test_each_controller_has_the_draw_of_signs_that_it_names():
     genome = load_genome("abcd", "")
     place = zlib.crc32(genome.genes.tobytes())
     names = [controller.name for controller in config.controllers]
-    signs = dict(zip(names, (work.signs for work in world_of(config).works(genome, [0])), strict=True))
+    signs = dict(zip(names, (work.signs for work in make_world(config).works(genome, [0])), strict=True))
     for name, draw in (("abcd (shuffled)", 4), ("draw_0", 0), ("draw_1", 1), ("draw_4", 4)):
         expected = drawn_signs(rng(1 + draw, Stream.shuffled_signs, place), config.network_made.synapses)
         np.testing.assert_array_equal(signs[name], expected)
@@ -304,7 +304,7 @@ def by_hand(config, genes, seed, *, frozen):
 def test_lifetimes_are_those_of_a_loop_by_hand():
     changes = "environment.changes=[{at: 9, dead_readings: [3]}, {at: 5, noisy_readings: {1: 0.5}}]"
     config = load_any("evaluate", ["genome=abcd", "environment=cartpole", changes])
-    genes = np.random.default_rng(2).uniform(-1, 1, plan_of(config.network_made, ABCD).genes)
+    genes = np.random.default_rng(2).uniform(-1, 1, make_plan(config.network_made, ABCD).genes)
     own, frozen = 1, len(config.controllers) - 1
     seeds = tuple(range(20, 28))
     found = {number: run_lifetimes(config, [Work(number, genes, seeds, record=True)], 1)[0] for number in (own, frozen)}

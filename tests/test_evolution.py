@@ -7,7 +7,7 @@ from cases import evolve_in_maze
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuckhebb.controller.genome import plan_of
+from epuckhebb.controller.genome import make_plan
 from epuckhebb.controller.network import PAPER_NETWORK, Network
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.plasticity.rules.paper import Paper
@@ -25,7 +25,7 @@ AS_CODED = {
     "mutation_rate": 0.01,
 }
 SHORT = Lifetime(duration_s=6, gain_rad_s=4)
-PLAN = plan_of(PAPER_NETWORK)
+PLAN = make_plan(PAPER_NETWORK)
 LIMIT = np.ones(PLAN.genes)
 TINY = GA(population=6, generations=6, elites=2, loops=1)
 

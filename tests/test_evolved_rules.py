@@ -11,11 +11,11 @@ from cases import done, evolve_in_maze, first_of, refused
 import epuckhebb
 from epuckhebb.analysis.evaluate import make_individuals
 from epuckhebb.controller import random
-from epuckhebb.controller.genome import plan_of
+from epuckhebb.controller.genome import make_plan
 from epuckhebb.controller.genotype import Genotype
-from epuckhebb.controller.network import PAPER_NETWORK, Network, by_layer
+from epuckhebb.controller.network import PAPER_NETWORK, Network, split_layers
 from epuckhebb.controller.plasticity.control import Sign
-from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, coefficients, modulatory_weights, schedule_of
+from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, coefficients, make_schedule, modulatory_weights
 from epuckhebb.controller.plasticity.rules.abcd import ABCD
 from epuckhebb.controller.plasticity.rules.abcd_neuron import ABCDNeuron
 from epuckhebb.controller.plasticity.rules.abcd_shared import ABCDShared
@@ -24,7 +24,13 @@ from epuckhebb.controller.plasticity.rules.discrete import Discrete
 from epuckhebb.controller.plasticity.rules.modulated import Modulated
 from epuckhebb.controller.plasticity.rules.online import Online
 from epuckhebb.controller.plasticity.rules.paper import Paper
-from epuckhebb.controller.plasticity.update import StepContext, initial_lengths, modulation_of, update_of, workspace_for
+from epuckhebb.controller.plasticity.update import (
+    StepContext,
+    initial_lengths,
+    make_modulation,
+    make_update,
+    make_workspace,
+)
 from epuckhebb.evolution.optimizer import initial
 from epuckhebb.evolution.optimizers import ga as ga_module
 from epuckhebb.evolution.optimizers.ga import GA
@@ -60,7 +66,7 @@ BRIEF = ["lifetime.duration_s=3", "repeats=1", "threads=1"]
 
 @pytest.mark.parametrize("rule", SIZES)
 def test_what_a_rule_evolves(rule):
-    assert plan_of(PAPER_NETWORK, rule).text() == SIZES[rule]
+    assert make_plan(PAPER_NETWORK, rule).text() == SIZES[rule]
 
 
 def coefficients_of(rule, network=PAPER_NETWORK, **genes):
@@ -77,7 +83,7 @@ def test_three_steps_of_the_rules_with_four_terms(rule):
 
 def test_three_steps_of_the_modulated_rule():
     network = Network((3, 2, 2))
-    modulate, v = modulation_of(Modulated, network), np.array([1.0, -2.0, 0.5])
+    modulate, v = make_modulation(Modulated, network), np.array([1.0, -2.0, 0.5])
     activation = np.zeros(network.neurons)
     for hidden, output in (((0.0, 0.0), 0.25), ((1.0, 0.5), 0.25), ((-1.0, 0.75), -1.0)):
         activation[4:6] = hidden
@@ -109,14 +115,14 @@ def test_the_incoming_weights_of_each_neuron_keep_their_length():
     weights, values = genes.copy(), dict.fromkeys(Discrete.evolved, np.ones(1))
     values |= {"when_better": np.ones(4), "when_worse": np.ones(4)}
     numbers, activation = Discrete(N=1.0).numbers(), np.ones(network.neurons)
-    workspace = workspace_for(network)
+    workspace = make_workspace(network)
     spread, lengths = coefficients(Discrete, network, values), initial_lengths(Discrete, network, genes)
     genotype = Genotype(genes, np.empty(0), spread, np.empty(0), lengths, np.ones_like(genes))
     now = StepContext(0.1, np.uint64(1), 0, 0.032)
-    learn = update_of(Discrete, network, schedule_of(Discrete()))
+    learn = make_update(Discrete, network, make_schedule(Discrete()))
     total = learn(weights, np.empty(0), genotype, activation, 0.1, now, numbers, workspace)
     assert total == pytest.approx(np.abs(weights - genes).sum()) != 0
-    for now, before in zip(by_layer(network, weights), by_layer(network, genes), strict=True):
+    for now, before in zip(split_layers(network, weights), split_layers(network, genes), strict=True):
         np.testing.assert_allclose(np.linalg.norm(now, axis=0), np.linalg.norm(before, axis=0))
         grown = before + 0.1
         np.testing.assert_allclose(now, grown / np.linalg.norm(grown, axis=0) * np.linalg.norm(before, axis=0))
@@ -154,7 +160,7 @@ def test_what_a_synapse_of_the_neuron_centric_rule_does_follows_from_its_two_neu
 @pytest.mark.parametrize("rule", first_of(LIVED))
 def test_a_rule_agrees_with_the_oracle(rule, beside_the_oracle, genomes):
     """At a gain of 1, as walls that a robot bumps into make much of the last bit."""
-    genes = initial(np.random.default_rng(130), 1, plan_of(PAPER_NETWORK, rule))[0]
+    genes = initial(np.random.default_rng(130), 1, make_plan(PAPER_NETWORK, rule))[0]
     genes[:234] = genomes[0]
     if rule is Discrete:  # a table of which all is used
         genes[234:] = [0.0, 1.0, -1.0, 1.0, -1.0, 0.0, 1.0, 0.7, 0.8, 0.2, -0.6, 0.2]
@@ -189,7 +195,7 @@ def test_initial_weights_can_be_drawn_for_each_lifetime(run_lifetime):
 # What evolves
 
 
-def evolved_by(ga, rule, **more):
+def evolvable_parameters(ga, rule, **more):
     short, controller = Lifetime(duration_s=2, gain_rad_s=4), Controller(name="own", rule=rule)
     return list(evolve_in_maze(ga, Scenario(), short, seed=2, controller=controller, **more))
 
@@ -200,10 +206,10 @@ def test_learners_get_the_same_noise_and_their_champion_is_confirmed(monkeypatch
 
     monkeypatch.setattr(ga_module, "initial", alike)
     ga = GA(population=5, generations=1, loops=1, elites=0, start_noise=1.0)
-    last = evolved_by(ga, Modulated(N=0.003))[-1]
+    last = evolvable_parameters(ga, Modulated(N=0.003))[-1]
     assert np.ptp(last.fitness) == 0
     assert last.champion_fitness != last.fitness[0]  # in lifetimes that are new
-    last = evolved_by(ga, NoRule())[-1]
+    last = evolvable_parameters(ga, NoRule())[-1]
     assert np.ptp(last.fitness) > 0
     assert last.champion_fitness == last.fitness.max()
 

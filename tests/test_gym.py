@@ -11,7 +11,7 @@ from gymnasium.utils.env_checker import check_env
 
 import epuckhebb
 from epuckhebb import Lifetime
-from epuckhebb.controller.network import PAPER_NETWORK, by_layer
+from epuckhebb.controller.network import PAPER_NETWORK, split_layers
 from epuckhebb.gym import ID, TMaze, evaluation_key, genome_from_policy
 from epuckhebb.tmaze.batch import run_lifetimes
 from epuckhebb.tmaze.individual import Individual
@@ -131,7 +131,7 @@ def test_a_vector_of_environments_runs_as_single_ones():
 
 def test_a_policy_as_a_genome_and_back():
     genes = np.clip(epuckhebb.load(), -2, 2)
-    layers = by_layer(PAPER_NETWORK, genes)
+    layers = split_layers(PAPER_NETWORK, genes)
     weights = [layers[0][:-1].T, *(layer.T for layer in layers[1:])]
     np.testing.assert_array_equal(genome_from_policy(weights, layers[0][-1]), genes)
     observation = np.linspace(0, 1, 16)

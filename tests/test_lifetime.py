@@ -28,7 +28,7 @@ from epuckhebb.tmaze.light import Lamp
 from epuckhebb.tmaze.maze import SIDES, Pose
 from epuckhebb.tmaze.robot import Robot
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.simulator import kernel_of
+from epuckhebb.tmaze.simulator import lifetime_kernel
 
 DATA = Path(__file__).parent / "data"
 LAMPS = {"wide": Lamp(), "narrow": Lamp(y_m=-0.3, beam_rad=0.8)}
@@ -110,7 +110,9 @@ def test_agrees_with_the_prototype_over_whole_lifetimes(genomes):
 def test_who_has_no_rule_lives_in_the_kernel_of_the_others_on_any_threads(genomes, monkeypatch):
     asked = set()
     monkeypatch.setattr(
-        simulator, "kernel_of", lambda rule, *args, **more: asked.add(rule) or kernel_of(rule, *args, **more)
+        simulator,
+        "lifetime_kernel",
+        lambda rule, *args, **more: asked.add(rule) or lifetime_kernel(rule, *args, **more),
     )
     individuals = [
         Individual(genes=genomes[0], side="left", controller=controller, key=np.uint64(1))

@@ -16,7 +16,7 @@ from epuckhebb.controller.network import PAPER_NETWORK
 from epuckhebb.runs import maze
 from epuckhebb.runtime import progress
 from epuckhebb.runtime.errors import USAGE, ConfigError
-from epuckhebb.runtime.resources import path_of, thread_count
+from epuckhebb.runtime.resources import thread_count, user_path
 from epuckhebb.store import Run
 from epuckhebb.tmaze.scenario import Scenario
 
@@ -41,7 +41,7 @@ def test_without_a_home_kernels_are_compiled_without_a_cache(here):
     assert compiled._cache_folder("name") is None
     assert list(here.iterdir()) == []
     with pytest.raises(ConfigError, match="genome=~/x"):
-        path_of("~/x", "genome")
+        user_path("~/x", "genome")
 
 
 def test_where_kernels_are_kept(monkeypatch, here):
@@ -90,7 +90,7 @@ def test_a_reader_that_stops_does_not_stop_the_work():
 def test_who_waits_for_a_compiler_is_told(monkeypatch, capsys):
     monkeypatch.setattr(progress, "_SOON_S", 0.0)
     monkeypatch.setattr(maze, "load_kernel", lambda *_, **__: time.sleep(0.3))
-    maze.compile_for([], PAPER_NETWORK, Scenario())
+    maze.compile_kernels([], PAPER_NETWORK, Scenario())
     assert "Compiling" in capsys.readouterr().err
 
 

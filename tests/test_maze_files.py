@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from omegaconf import OmegaConf
 
-from epuckhebb.config.build import maze_from
+from epuckhebb.config.build import make_maze
 from epuckhebb.controller.network import PAPER_NETWORK
 from epuckhebb.tmaze.batch import run_lifetimes
 from epuckhebb.tmaze.individual import Individual
@@ -28,7 +28,7 @@ def told(file):
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
 def test_a_robot_can_live_in_each_maze(file):
-    maze = maze_from(told(file))
+    maze = make_maze(told(file))
     assert maze.name == file.stem
     lamp = Lamp(**told(file)["lamp"])
     for obstacles in maze.obstacle_counts:
@@ -39,14 +39,14 @@ def test_a_robot_can_live_in_each_maze(file):
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
 def test_the_lamp_of_each_maze_is_seen_from_the_start_and_at_the_first_junction(file):
-    maze, lamp = maze_from(told(file)), Lamp(**told(file)["lamp"])
+    maze, lamp = make_maze(told(file)), Lamp(**told(file)["lamp"])
     to_x, to_y = maze.start.x - lamp.x_m, maze.start.y - lamp.y_m
     shines = (lamp.towards_x * to_x + lamp.towards_y * to_y) / math.hypot(to_x, to_y)
     assert shines > math.cos(lamp.beam_rad)
 
 
 def test_the_papers_maze_is_the_one_in_the_code():
-    maze = maze_from(told(CONF / "t_maze.yaml"))
+    maze = make_maze(told(CONF / "t_maze.yaml"))
     assert maze == T_MAZE
     for obstacles, layout in ((0, 0), (2, 0), (4, 0), (4, 1)):
         assert boxes(maze, obstacles, layout).tobytes() == boxes(T_MAZE, obstacles, layout).tobytes()
@@ -58,7 +58,7 @@ def test_the_papers_maze_is_the_one_in_the_code():
     ("name", "arm", "stem"), [("wide", 0.136, 0.139), ("110", 0.1155, 0.1177), ("90", 0.0945, 0.0963)]
 )
 def test_corridors_are_as_wide_as_said_and_obstacles_leave_gaps_of_80_mm(name, arm, stem):
-    maze = maze_from(told(CONF / f"t_maze_{name}.yaml"))
+    maze = make_maze(told(CONF / f"t_maze_{name}.yaml"))
     near, stem_left, stem_right = (maze.walls[name] for name in ("crossbar_near_left", "stem_left", "stem_right"))
     assert (stem_right.x - stem_right.width / 2) - (stem_left.x + stem_left.width / 2) == pytest.approx(stem)
     arms = [box.y + box.height / 2 for name, box in maze.obstacles.items() if name.startswith("arm")]
@@ -70,7 +70,7 @@ def test_corridors_are_as_wide_as_said_and_obstacles_leave_gaps_of_80_mm(name, a
 
 
 def test_bounds_of_arms_that_are_left_out_are_infinite_and_degrees_are_converted():
-    maze = maze_from(told(CONF / "t_maze.yaml"))
+    maze = make_maze(told(CONF / "t_maze.yaml"))
     assert maze.arms["left"] == Region(-math.inf, -0.08, 0.10, math.inf)
     assert maze.start == Pose(0.007, -0.35, math.pi / 2)
 
@@ -108,7 +108,7 @@ def test_wrong_mazes_are_refused(key, value, message):
     else:
         place[last] = value
     with pytest.raises(ValueError, match=message):
-        Scenario(maze=maze_from(wrong))
+        Scenario(maze=make_maze(wrong))
 
 
 DRAWING = """
@@ -144,7 +144,7 @@ def drawn(drawing):
 @pytest.mark.parametrize("side", SIDES)
 def test_a_robot_finds_its_way_in_a_maze_that_was_drawn(side):
     """It turns away from walls on either side, and else drives an arc towards the side of its goal."""
-    maze = maze_from(drawn(DRAWING))
+    maze = make_maze(drawn(DRAWING))
     layers = [np.eye(*shape) * 1.1 for shape in PAPER_NETWORK.shapes]  # two neurons of each layer hand on the wheels
     layers[0] = np.zeros(PAPER_NETWORK.shapes[0])
     layers[0][PAPER_NETWORK.bias, :2] = (0.45, 0.55) if side == "left" else (0.55, 0.45)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuckhebb.controller.forward_pass import forward_pass
-from epuckhebb.controller.network import PAPER_NETWORK, Network, by_layer, initial_weights_of, tanh
+from epuckhebb.controller.network import PAPER_NETWORK, Network, split_layers, starting_weights, tanh
 
 NETWORKS = [PAPER_NETWORK, Network((16, 3, 2)), Network((32, 7, 5, 8, 4, 2)), Network((2, 2))]
 
@@ -22,7 +22,7 @@ def test_layout_adds_up():
         assert network.first_output == network.neurons - 2
         assert tuple(np.cumsum([0] + [n * m for n, m in network.shapes])[:-1]) == network.first_synapse
         assert tuple(np.cumsum([0, *(n for n, _ in network.shapes)])) == network.first_neuron
-        assert [layer.shape for layer in by_layer(network, np.zeros(network.synapses))] == network.shapes
+        assert [layer.shape for layer in split_layers(network, np.zeros(network.synapses))] == network.shapes
 
 
 @pytest.mark.parametrize("network", NETWORKS, ids=str)
@@ -56,7 +56,7 @@ def test_tanh_is_accurate_odd_and_bounded(x):
 
 def test_weights_at_birth_are_a_clipped_copy():
     genome = np.linspace(-3, 3, 234)
-    weights = initial_weights_of(genome)
+    weights = starting_weights(genome)
     assert weights.max() == 2
     weights[:] = 0
     assert genome[0] == -3

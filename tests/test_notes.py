@@ -11,7 +11,7 @@ from epuckhebb.analysis import findings, tables
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvaluateConfig, typed
 from epuckhebb.export.replay import replay
-from epuckhebb.runs.notes import notes_of
+from epuckhebb.runs.notes import evaluation_notes
 from epuckhebb.store.genome import load_genome
 from epuckhebb.store.run import Run
 from epuckhebb.tmaze.individual import HEBBIAN
@@ -23,7 +23,7 @@ LOWLIGHT = ("scenario=lowlight", "repeats=1")
 
 def notes(genome, *words):
     config = typed(composed("evaluate", list(words)), EvaluateConfig)
-    return notes_of(load_genome(genome, config.world.experiment), config)
+    return evaluation_notes(load_genome(genome, config.world.experiment), config)
 
 
 @pytest.mark.parametrize("experiment", EXPERIMENTS)

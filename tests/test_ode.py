@@ -16,7 +16,7 @@ from epuckhebb.export.replay import recording, recording_page
 from epuckhebb.gym import TMaze
 from epuckhebb.live.world import LiveWorld
 from epuckhebb.runs import prepare_evaluation, repeat
-from epuckhebb.runs.notes import notes_of
+from epuckhebb.runs.notes import evaluation_notes
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.store import Run
 from epuckhebb.store.genome import load_genome
@@ -225,10 +225,10 @@ def test_a_champion_knows_its_physics_and_compares_with_a_life_in_it():
     genome = load_genome("deep", "obstacles")
     assert genome.physics == "ode"
     assert training_world(asked, genome.physics).physics.name == "ode"
-    (note,) = notes_of(genome, asked)
+    (note,) = evaluation_notes(genome, asked)
     assert "physics ode (here pymunk)" in note
-    assert notes_of(genome, load(EvaluateConfig, ["genome=deep", "physics=ode"])) == []
-    assert notes_of(load_genome("reference_7", "obstacles"), asked) == []
+    assert evaluation_notes(genome, load(EvaluateConfig, ["genome=deep", "physics=ode"])) == []
+    assert evaluation_notes(load_genome("reference_7", "obstacles"), asked) == []
 
 
 @needs_ode

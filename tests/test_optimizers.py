@@ -7,7 +7,7 @@ import pytest
 from cases import call, done, evolve_in_maze, refused
 
 import epuckhebb
-from epuckhebb.config.build import optimizer_from
+from epuckhebb.config.build import make_optimizer
 from epuckhebb.config.parts import KINDS
 from epuckhebb.controller.genome import GenomePlan, Part
 from epuckhebb.evolution.optimizers.ga import GA
@@ -264,4 +264,4 @@ def test_a_run_of_sep_cma_es_is_resumed_repeated_and_shown():
 
 def test_the_genetic_algorithm_needs_its_settings():
     with pytest.raises(ConfigError, match="with optimizer=ga"):
-        optimizer_from({"algorithm": "ga"}, None)
+        make_optimizer({"algorithm": "ga"}, None)

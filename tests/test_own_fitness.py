@@ -22,7 +22,7 @@ from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
 from epuckhebb.tmaze.robot import STEP_S
 from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.session import Session
-from epuckhebb.tmaze.simulator import kernel_of
+from epuckhebb.tmaze.simulator import lifetime_kernel
 from epuckhebb.tmaze.tasks.reversal import Reversal
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "own_fitness" / "my_fitness.py"
@@ -97,7 +97,7 @@ def test_a_fitness_of_a_lifetime_alone_needs_no_kernel_of_its_own(genomes):
     x, y, _ = session.pose
     assert session.outcome().fitness == usual.fitness + usual.path_length + math.hypot(x, y)
     one, other = (
-        kernel_of(Paper, NoAdaptation(), PAPER_NETWORK, Scenario(fitness=own)) for own in (Judged(), Fitness())
+        lifetime_kernel(Paper, NoAdaptation(), PAPER_NETWORK, Scenario(fitness=own)) for own in (Judged(), Fitness())
     )
     assert one is other
 

@@ -10,7 +10,7 @@ import pytest
 from cases import SHORT, call, contents, done, evolve_in_maze, refused, refused_before, runs_of
 
 from epuckhebb.config.parts import part_class
-from epuckhebb.controller.genome import plan_of
+from epuckhebb.controller.genome import make_plan
 from epuckhebb.controller.network import PAPER_NETWORK
 from epuckhebb.controller.random import Stream, key
 from epuckhebb.evolution.search import Search
@@ -27,7 +27,7 @@ OWN = "optimizer.algorithm=my_optimizer.py:CmaMe"
 SMALL = ["optimizer.population=6", "optimizer.emitters=2", "optimizer.cells=5", "optimizer.confirm=2", "-q"]
 SMALL += ["lifetime.duration_s=2", "scenario.paper_duration_s=10", "threads=1"]
 RESULTS = ("history.csv", "champion.npz", "archive.csv")
-PLAN = plan_of(PAPER_NETWORK)
+PLAN = make_plan(PAPER_NETWORK)
 
 
 @pytest.fixture(scope="module")

@@ -22,7 +22,7 @@ from epuckhebb.controller.compiling.errors import PartError
 from epuckhebb.controller.compiling.sources import UnknownSourceError, kernel_key, own_code
 from epuckhebb.controller.controller import Controller
 from epuckhebb.controller.evolved import Evolved
-from epuckhebb.controller.genome import plan_of
+from epuckhebb.controller.genome import make_plan
 from epuckhebb.controller.network import Network
 from epuckhebb.flock.coupling import Coupling, Moment, changed
 from epuckhebb.runtime.errors import ConfigError
@@ -312,7 +312,7 @@ def test_what_plain_python_is_handed_cannot_be_written():
     with pytest.raises(PartError, match="read-only"):
         changed(Writes(), now)
     with pytest.raises(ValueError, match="read-only"):
-        Controller(np.zeros(plan_of(network, Evolves).genes), network, Evolves())
+        Controller(np.zeros(make_plan(network, Evolves).genes), network, Evolves())
     assert (now.weights == 1.0).all()
 
 
@@ -474,7 +474,7 @@ def test_copies_of_all_files_of_the_folder_will_do(tmp_path):
 def test_an_identity_changes_with_a_file_that_a_rule_imports(tmp_path):
     write(tmp_path, {"my": RULE, "helper": "DECAY = 1.0\n"})
     config = load(EvaluateConfig, [f"hebbian.rule={tmp_path}/my.py:oja", "hebbian.decay=1"]).values
-    before, files = Identities().name(config), plugins.own_sources(config)
+    before, files = Identities().name(config), plugins.user_sources(config)
     assert sorted(files) == [f"{tmp_path}/helper.py", f"{tmp_path}/my.py"]
     assert Identities().name(config) == before
     write(tmp_path, {"helper": "DECAY = 3.0\n"})  # as long as before, and within the same second

@@ -10,7 +10,7 @@ from cases import SHORT, SMALL_GA, call, done
 import epuckhebb
 from epuckhebb.config.compose import composed
 from epuckhebb.controller import genotype
-from epuckhebb.runs.evaluate import as_evolved
+from epuckhebb.runs.evaluate import inherit_choices
 from epuckhebb.store.genome import load_genome
 from epuckhebb.store.run import Run
 
@@ -24,7 +24,7 @@ def metrics(run):
 
 def test_weights_that_are_nan_fail_loudly(here, monkeypatch):
     """As a rule would make them; it takes a kernel of its own to do that, so the initial ones are."""
-    monkeypatch.setattr(genotype, "initial_weights_of", lambda genes: np.full_like(genes, np.nan))
+    monkeypatch.setattr(genotype, "starting_weights", lambda genes: np.full_like(genes, np.nan))
     result = call("evaluate", *BRIEF, "hydra.run.dir=out")
     assert result.exit_code == 1, result.output
     for text in ("left trial", "scenario base", "controller GA", "nan", "step"):
@@ -81,9 +81,9 @@ def test_the_robot_follows_from_the_champion_unless_it_is_named(here):
         (["genome=nowhere.npz"], ""),
         (["seed=3"], ""),
     ):
-        assert as_evolved(words, "conf") == [*words, *([f"robot={robot}"] if robot else [])]
+        assert inherit_choices(words, "conf") == [*words, *([f"robot={robot}"] if robot else [])]
     for named in ("robot=epuck", "robot.radius_m=0.04"):
-        assert as_evolved(["genome=lidar.npz", named]) == ["genome=lidar.npz", named]
+        assert inherit_choices(["genome=lidar.npz", named]) == ["genome=lidar.npz", named]
     assert "robot:\n  name: epuck_lidar" in done("evaluate", "genome=lidar.npz", "--cfg=job").stdout
     with pytest.raises(ValueError, match="unlike epuck_lidar"):
         epuckhebb.evaluate("lidar.npz", hebbian={"signal": "light_code"}, progress=False)

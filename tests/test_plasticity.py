@@ -14,8 +14,8 @@ from epuckhebb.controller.plasticity.rules.bcm import BCM
 from epuckhebb.controller.plasticity.rules.differential import Differential
 from epuckhebb.controller.plasticity.rules.oja import Oja
 from epuckhebb.controller.plasticity.rules.paper import Paper
-from epuckhebb.controller.plasticity.update import StepContext, effective_rate, next_weight, update_of
-from epuckhebb.controller.plasticity.weight_change import total_of, weight_change_workspace
+from epuckhebb.controller.plasticity.update import StepContext, effective_rate, make_update, next_weight
+from epuckhebb.controller.plasticity.weight_change import make_total, weight_change_workspace
 
 RULES = (Paper, Oja, BCM, Differential)
 
@@ -124,7 +124,7 @@ def initial_states(rule, network):
 def updated(rule, network, weights, genes, activation, rate, w_max, all_of=None, of_updates=None):
     """One update of all weights; the weight change."""
     of_updates = np.ones(network.synapses) if of_updates is None else of_updates
-    return update_of(rule, network)(
+    return make_update(rule, network)(
         weights,
         initial_states(rule, network) if all_of is None else all_of,
         SimpleNamespace(weights=genes, coefficients=np.empty((0, network.synapses)), signs=of_updates),
@@ -164,7 +164,7 @@ def test_the_weight_change_adds_up_in_networks_of_all_sizes(layers):
     values = np.full(weight_change_workspace(network), np.nan)
     values[: network.synapses] = 2.0 ** np.arange(network.synapses).clip(max=40)
     expected = values[: network.synapses].sum()
-    assert total_of(network)(values) == expected
+    assert make_total(network)(values) == expected
 
 
 def test_signs_of_the_controls():

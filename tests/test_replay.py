@@ -13,7 +13,7 @@ import pytest
 from epuckhebb.analysis import replay
 from epuckhebb.analysis.evaluate import Traces, evaluate
 from epuckhebb.analysis.moments import arrival
-from epuckhebb.controller.network import Network, initial_weights_of
+from epuckhebb.controller.network import Network, starting_weights
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze.individual import GA, HEBBIAN, Controller, Individual
 from epuckhebb.tmaze.life import Lifetime
@@ -88,7 +88,7 @@ def test_page_holds_the_traces_to_within_half_a_step_of_quantisation(run, page, 
         life = lives[side][[GA, HEBBIAN].index(controller)]
         expected = {name: getattr(traces.samples, array)[k][:, column] for name, (array, column) in COLUMNS.items()}
         expected |= {name: getattr(traces.samples, array)[k] for name, array in SAME_NAME.items()}
-        expected["change"] = traces.samples.weights[k] - initial_weights_of(genes).astype(np.float32)
+        expected["change"] = traces.samples.weights[k] - starting_weights(genes).astype(np.float32)
         for name, values in expected.items():
             if not values.any():
                 assert life[name] == {"step": 0, "numbers": ""}, name

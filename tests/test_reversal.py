@@ -14,12 +14,12 @@ from cases import done, first_of, refused
 from epuckhebb.analysis import charts, reversal
 from epuckhebb.analysis.image import image
 from epuckhebb.config import EvaluateConfig, load
-from epuckhebb.controller.genome import plan_of
+from epuckhebb.controller.genome import make_plan
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.rule import Acts, Reward, modulatory_weights, values_of
 from epuckhebb.controller.plasticity.rules.modulated import Modulated
 from epuckhebb.controller.plasticity.rules.paper import Paper
-from epuckhebb.controller.plasticity.update import modulation_of
+from epuckhebb.controller.plasticity.update import make_modulation
 from epuckhebb.controller.random import Stream, rng
 from epuckhebb.evolution.optimizer import initial
 from epuckhebb.store.genome import load_genome
@@ -49,7 +49,7 @@ def switching(trial, **task):
 
 def drawn(seed):
     """Genes of the network with a reward input, and of a rule that receives it."""
-    return initial(np.random.default_rng(seed), 1, plan_of(REWARDED, Modulated))[0]
+    return initial(np.random.default_rng(seed), 1, make_plan(REWARDED, Modulated))[0]
 
 
 # Beside the oracle
@@ -298,7 +298,7 @@ def test_the_modulatory_neuron_hears_the_reward_or_its_inverse():
     genes = {"v": np.array([1.0, -2.0, 0.5]), "vr": np.array([-0.5]), "eta": np.array([0.3])}
     values = values_of(Modulated, network, genes)
     assert values["eta"] * 0.003 == pytest.approx(10**-1.7)
-    modulate, activation = modulation_of(Modulated, network), np.zeros(network.neurons)
+    modulate, activation = make_modulation(Modulated, network), np.zeros(network.neurons)
     activation[4:6] = 1.0, 0.5
     for reward in (0.0, 1.0, -1.0):
         activation[2] = reward
@@ -306,7 +306,7 @@ def test_the_modulatory_neuron_hears_the_reward_or_its_inverse():
             weights = modulatory_weights(Modulated, values, given)
             drive = 0.2 * (1.0 - 1.0 + 0.5) + sign * 2.0 * reward
             assert modulate(weights, activation) == pytest.approx(np.tanh(drive / 2), rel=1e-14)
-    assert plan_of(REWARDED, Modulated).text() == "241 weights, 5 v, 1 A, 1 B, 1 C, 1 D, 1 eta, 1 vr"
+    assert make_plan(REWARDED, Modulated).text() == "241 weights, 5 v, 1 A, 1 B, 1 C, 1 D, 1 eta, 1 vr"
 
 
 # Frozen weights

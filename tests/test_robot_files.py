@@ -9,8 +9,8 @@ import pytest
 from cases import first_of
 from omegaconf import OmegaConf
 
-from epuckhebb.config.build import robot_from
-from epuckhebb.controller.genome import plan_of
+from epuckhebb.config.build import make_robot
+from epuckhebb.controller.genome import make_plan
 from epuckhebb.controller.network import HIDDEN, Network
 from epuckhebb.controller.plasticity.rule import NoRule
 from epuckhebb.tmaze.batch import run_lifetimes
@@ -31,21 +31,21 @@ def told(name):
 
 @pytest.mark.parametrize("name", first_of(file.stem for file in FILES))
 def test_each_robot_lives(name):
-    robot = robot_from(told(name))
+    robot = make_robot(told(name))
     assert robot.name == name
     net = Network((robot.inputs, *HIDDEN, 2))
-    genes = np.random.default_rng(1).uniform(-1, 1, plan_of(net, NoRule).genes)
+    genes = np.random.default_rng(1).uniform(-1, 1, make_plan(net, NoRule).genes)
     who = Individual(genes=genes, side="right", key=np.uint64(1), network=net)
     ((outcome, _),) = run_lifetimes([who], Scenario(robot=robot), Lifetime(duration_s=2))
     assert 0 < outcome.path_length < 0.1
 
 
 def test_the_e_puck_is_the_one_in_the_code():
-    assert robot_from(told("epuck")) == EPUCK
+    assert make_robot(told("epuck")) == EPUCK
 
 
 def test_the_laser_tells_touch_from_the_middle_of_a_corridor_and_reads_afar():
-    robot = robot_from(told("epuck_lidar"))
+    robot = make_robot(told("epuck_lidar"))
     echo = robot.distance.echo()
     turret = 0.035
     assert robot.distance.count == 24
@@ -78,4 +78,4 @@ def test_wrong_robots_are_refused(key, value, message):
     else:
         wrong[key] = value
     with pytest.raises(ValueError, match=message):
-        robot_from(wrong)
+        make_robot(wrong)

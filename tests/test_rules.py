@@ -10,8 +10,8 @@ from cases import evolve_in_maze
 
 from epuckhebb.config.parts import part_class
 from epuckhebb.controller.evolved import Evolved
-from epuckhebb.controller.genome import plan_of
-from epuckhebb.controller.network import Network, by_layer
+from epuckhebb.controller.genome import make_plan
+from epuckhebb.controller.network import Network, split_layers
 from epuckhebb.controller.plasticity.rule import Rule, coefficients
 from epuckhebb.evolution.optimizer import initial
 from epuckhebb.evolution.optimizers.ga import GA, next_generation
@@ -43,7 +43,7 @@ class Everything(Rule):
 
 
 CONTROLLER = Controller(name="own", rule=Everything(N=0.01, leak=0.2))
-PLAN = plan_of(SMALL, Everything)
+PLAN = make_plan(SMALL, Everything)
 
 
 class Oracle(reference.Robot):
@@ -53,7 +53,7 @@ class Oracle(reference.Robot):
         super().initialise()
         first = sum(g.size for g in self.genes)
         self.rate, self.bias = self.all_genes[first], self.all_genes[first + 1 :][: len(self.shapes)]
-        self.towards = self.by_layer(self.all_genes[first + 1 + len(self.shapes) :])
+        self.towards = self.split_layers(self.all_genes[first + 1 + len(self.shapes) :])
         self.slow, self.steps = [np.full(shape, 0.5) for shape in self.shapes], [0.0 for _ in self.shapes]
 
     def everything(self, layer, pre, post, synapse_state):
@@ -110,7 +110,7 @@ def test_evolved_parameters_are_spread_over_the_synapses():
     genes = np.arange(float(PLAN.genes))
     rate, bias, towards = coefficients(Everything, SMALL, PLAN.split(genes))
     assert set(rate) == {57.0}
-    assert [set(layer.ravel()) for layer in by_layer(SMALL, bias)] == [{58.0}, {59.0}]
+    assert [set(layer.ravel()) for layer in split_layers(SMALL, bias)] == [{58.0}, {59.0}]
     np.testing.assert_array_equal(towards, genes[60:])
 
 

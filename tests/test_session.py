@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.adaptation.change_signal import no_nominal
-from epuckhebb.controller.genome import plan_of
+from epuckhebb.controller.genome import make_plan
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.rule import NoRule
 from epuckhebb.controller.plasticity.rules.bcm import BCM
@@ -96,7 +96,7 @@ def test_stepping_in_pieces_is_bit_identical_with_other_rules(genomes, rule, pie
 def test_stepping_through_trials_is_bit_identical(pieces, every):
     """The task ends before the time: the samples after that are padded once."""
     network = Network((17, 7, 5, 8, 4, 2), rewarded=True)
-    genes = initial(np.random.default_rng(897), 1, plan_of(network, Modulated))[0]
+    genes = initial(np.random.default_rng(897), 1, make_plan(network, Modulated))[0]
     task = Reversal(trials=3, first_switch=2, last_switch=2, never=0.0, time_out_s=16.0)
     individual = individual_of(genes, network=network, controller=Controller(name="modulated", rule=Modulated(N=0.003)))
     lifetime = Lifetime(duration_s=55.0, gain_rad_s=4.0, record_every=every)
@@ -170,7 +170,7 @@ def test_a_block_of_lifetimes_is_each_of_them_alone(genomes, controller):
 @pytest.mark.thorough
 def test_a_block_of_lifetimes_of_many_trials_is_each_of_them_alone():
     network = Network((17, 7, 5, 8, 4, 2), rewarded=True)
-    population = initial(np.random.default_rng(897), 4, plan_of(network, Modulated))
+    population = initial(np.random.default_rng(897), 4, make_plan(network, Modulated))
     modulated = Controller(name="modulated", rule=Modulated(N=0.003))
     individuals = [
         Individual(genes=genes, side="left", key=np.uint64(1), network=network, controller=modulated, task_key=key)

@@ -13,7 +13,7 @@ from cases import SMALL_GA, done, first_of, refused
 from epuckhebb.adaptation.change_signal import SignalContext, no_nominal, signal_function
 from epuckhebb.adaptation.change_signals import spiking
 from epuckhebb.controller.controller import Controller as Loop
-from epuckhebb.controller.genome import plan_of
+from epuckhebb.controller.genome import make_plan
 from epuckhebb.controller.network import Network, decayed
 from epuckhebb.controller.own_class import stored
 from epuckhebb.controller.plasticity.rules.abcd_traces import ABCDTraces
@@ -74,7 +74,7 @@ RULES = [STDP(N=2e-4), None, STDP(N=1e-3, average=3, every=5), ABCDTraces(N=0.00
 @pytest.mark.parametrize("rule", first_of(RULES), ids=lambda rule: type(rule).__name__)
 def test_a_spiking_robot_agrees_with_the_oracle_spike_by_spike(beside_the_oracle, rule):
     controller = GA_ALONE if rule is None else Controller(name="spikes", rule=rule)
-    genes = np.random.default_rng(5).uniform(-0.4, 1, plan_of(NETWORK, type(controller.rule)).genes)
+    genes = np.random.default_rng(5).uniform(-0.4, 1, make_plan(NETWORK, type(controller.rule)).genes)
     shared = {"controller": controller, "network": NETWORK}
     outcome, samples, robot = beside_the_oracle(genes, "right", seconds=8, gain=2.0, **shared)
     spikes = np.reshape(robot.spikes, (-1, 8, 10))
@@ -89,7 +89,7 @@ def test_substeps_are_bit_identical_to_shorter_steps_with_the_same_inputs():
     for substeps in (4, 1):
         wiring = CTRNN(hidden=3, tau_gain_rad_s=0.0, substeps=substeps)
         network = Network((4, *wiring.sizes), wiring=wiring)
-        genes = rng.uniform(-1, 1, plan_of(network).genes) if genes is None else genes
+        genes = rng.uniform(-1, 1, make_plan(network).genes) if genes is None else genes
         loop = Loop(genes, network, step_s=0.032 / 4 * substeps)
         outputs.append([[loop.act(one) for _ in range(4 // substeps)][-1] for one in inputs])
     np.testing.assert_array_equal(*outputs)

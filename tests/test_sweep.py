@@ -15,7 +15,7 @@ import pytest
 from cases import call, done, first_of, refused
 from omegaconf import OmegaConf
 
-from epuckhebb.config import alternatives, compose, readable, value_of
+from epuckhebb.config import alternatives, compose, override_value, readable
 from epuckhebb.config.schema import EvaluateConfig, value_as_declared
 from epuckhebb.runs import hydra, maze
 from epuckhebb.runtime import ConfigError
@@ -81,7 +81,7 @@ def test_all_that_the_sweep_of_adaptations_names_is_there():
     (words,) = alternatives(readable([f"genome={swept.genome}"])).values()
     assert len(words) == 40
     for word in words:
-        load_genome(value_of(word), "obstacles")
+        load_genome(override_value(word), "obstacles")
 
 
 @pytest.mark.parametrize(
@@ -106,8 +106,10 @@ def test_what_is_listed_is_what_hydra_would_compose(words):
 
 @pytest.mark.thorough
 def test_ten_thousand_jobs_are_listed_without_composing_each(monkeypatch):
-    composed, count = compose.by_hydra, []
-    monkeypatch.setattr(compose, "by_hydra", lambda *args, **more: count.append(args) or composed(*args, **more))
+    composed, count = compose.hydra_composition, []
+    monkeypatch.setattr(
+        compose, "hydra_composition", lambda *args, **more: count.append(args) or composed(*args, **more)
+    )
     jobs = sweep.plan("obstacles", ["scenario=base", "seed=range(1,101)", "repeats=range(1,101)"]).jobs
     assert (len(jobs), len(count)) == (10_000, 2)
     assert jobs[-1].config["seed"] == jobs[-1].config["repeats"] == 100

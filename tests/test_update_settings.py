@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from epuckhebb.config import EvaluateConfig, load
-from epuckhebb.controller.genome import plan_of
-from epuckhebb.controller.network import PAPER_NETWORK, Network, by_layer
+from epuckhebb.controller.genome import make_plan
+from epuckhebb.controller.network import PAPER_NETWORK, Network, split_layers
 from epuckhebb.controller.plasticity.rule import Normalise, Rule, Schedule
 from epuckhebb.controller.plasticity.rules.bcm import BCM
 from epuckhebb.controller.plasticity.rules.discrete import Discrete
@@ -64,7 +64,7 @@ def plain_lifetime(session, rule):
         window = [*window, session.life.activation.copy()][-rule.average :]
         if (step + 1) % rule.every == 0:
             mean = sum(window) / len(window)
-            for (first, then, *_), layer in zip(SMALL.connections, by_layer(SMALL, weights), strict=True):
+            for (first, then, *_), layer in zip(SMALL.connections, split_layers(SMALL, weights), strict=True):
                 pre, post = mean[first:][: len(layer), None], mean[then:][None, : layer.shape[1]]
                 direction = (pre * post - post * post * layer) * (0.032 * rule.every)
                 layer[:] = np.clip(layer + rule.N * direction, -rule.w_max, rule.w_max)
@@ -87,7 +87,7 @@ def test_a_lifetime_is_bit_identical_to_a_plain_loop(average, every, seed):
     due = np.arange(every - 1, lifetime.steps, every)
     assert (np.flatnonzero(np.diff(weights, axis=0).any(axis=1)) + 1).tolist() == due.tolist()
     assert set(np.flatnonzero(np.diff(changes)) + 1) <= set(due)
-    assert {np.abs(layer).max() for step in due for layer in by_layer(SMALL, weights[step])} == {1.0}
+    assert {np.abs(layer).max() for step in due for layer in split_layers(SMALL, weights[step])} == {1.0}
     (learnt, _), (genes_alone, _) = run_lifetimes([who, Individual(**shared)], Scenario(), lifetime)
     np.testing.assert_array_equal(learnt, session.outcome())
     assert genes_alone.weight_change_mean == 0
@@ -99,7 +99,7 @@ def test_the_largest_weight_of_each_layer_is_1_unless_all_are_0(weights, none):
     before = weights.copy()
     for layer in SMALL.connections:
         _divide_by_largest(*layer, weights, np.empty(0), 2.0)
-    for own, was in zip(by_layer(SMALL, weights), by_layer(SMALL, before), strict=True):
+    for own, was in zip(split_layers(SMALL, weights), split_layers(SMALL, before), strict=True):
         assert np.abs(own).max() == was.any()
         np.testing.assert_array_equal(own, was / (np.abs(was).max() or 1.0))
 
@@ -114,7 +114,7 @@ def test_what_an_update_reads_is_the_mean_over_the_last_steps(values, steps):
 
 @pytest.mark.parametrize("rule", first_of(IN_LAYERS), ids=lambda rule: type(rule).__name__)
 def test_a_rule_with_these_settings_agrees_with_the_oracle(rule, beside_the_oracle, genomes):
-    genes = initial(np.random.default_rng(3), 1, plan_of(PAPER_NETWORK, type(rule)))[0]
+    genes = initial(np.random.default_rng(3), 1, make_plan(PAPER_NETWORK, type(rule)))[0]
     genes[:234] = genomes[0]
     outcome, *_ = beside_the_oracle(genes, controller=Controller(name="own", rule=rule), seconds=20.0, gain=1.0)
     assert outcome.weight_change_mean > 0.1

@@ -13,7 +13,7 @@ from epuckhebb.controller.genotype import Genotype
 from epuckhebb.controller.network import Network, tanh
 from epuckhebb.controller.own_class import stored
 from epuckhebb.controller.plasticity.rule import Rule
-from epuckhebb.controller.plasticity.update import StepContext, update_of, workspace_for
+from epuckhebb.controller.plasticity.update import StepContext, make_update, make_workspace
 
 SPARE = 8
 
@@ -62,7 +62,9 @@ WIDTHS = [(4, 1, 3, 9, 5, 2), (2, 5, 9, 3, 1, 2), (1, 9, 2), (1, 5, 2), (1, 3, 2
 @pytest.mark.parametrize("network", first_of([Network(layers) for layers in WIDTHS]), ids=str)
 def test_layers_of_any_width_are_bit_identical_to_single_numbers(network):
     rng = np.random.default_rng(2)
-    made = kernel(one_step, (network, Everything), forward=forward_pass(network), learn=update_of(Everything, network))
+    made = kernel(
+        one_step, (network, Everything), forward=forward_pass(network), learn=make_update(Everything, network)
+    )
     seen = np.zeros(network.neurons)
     seen[: network.inputs], seen[network.bias] = rng.random(network.inputs), 1.0
     genes = rng.uniform(-2, 2, network.synapses)
@@ -71,7 +73,7 @@ def test_layers_of_any_width_are_bit_identical_to_single_numbers(network):
     rows = np.full((4, network.synapses), 7.0)
     state, nothing, ones = stored(Everything.synapse_state, network.synapses), np.empty(0), np.ones(network.synapses)
     genotype = Genotype(genes, state, np.empty((0, network.synapses)), nothing, nothing, ones)
-    workspace = workspace_for(network)._replace(drive=drive, synapses=rows[:3])
+    workspace = make_workspace(network)._replace(drive=drive, synapses=rows[:3])
     numbers = Everything(N=1.0, w_max=1e6).numbers()
     made(weights, activation, state, genotype, StepContext(0.5, np.uint64(1), 0, 0.032), numbers, workspace)
     neurons, updated = expected_of(network, genes, seen)

@@ -9,7 +9,7 @@ import pytest
 from cases import first_of
 
 from epuckhebb.controller.forward_pass import forward_pass
-from epuckhebb.controller.genome import plan_of
+from epuckhebb.controller.genome import make_plan
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity import update
 from epuckhebb.controller.plasticity.rules.paper import Paper
@@ -29,7 +29,7 @@ def network_of(wiring):
 
 
 def genes_of(network, seed=5):
-    return np.random.default_rng(seed).uniform(-1, 1, plan_of(network).genes)
+    return np.random.default_rng(seed).uniform(-1, 1, make_plan(network).genes)
 
 
 @pytest.mark.parametrize("controller", [GA_ALONE, LEARNING], ids=["GA", "Hebbian"])

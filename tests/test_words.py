@@ -28,7 +28,7 @@ ODD = ["a b", 'a"b', "it's", "a\\", 'a\\"', "a\nb", "é漢", "a,b=c", "$", "~x"]
 
 @pytest.mark.parametrize("text", ODD)
 def test_a_quoted_text_means_itself(text):
-    assert overrides.value_of(f"key={overrides.quoted(text)}") == text
+    assert overrides.override_value(f"key={overrides.quoted(text)}") == text
 
 
 @pytest.mark.thorough

@@ -13,7 +13,7 @@ from gymnasium.wrappers import RescaleAction
 from epuckhebb.controller.compiling.errors import PartError
 from epuckhebb.controller.random import Stream, rng
 from epuckhebb.worlds.environment import Environment, Lived, World
-from epuckhebb.worlds.spaces import Reader, actor, parts_of
+from epuckhebb.worlds.spaces import Reader, actor, space_parts
 
 FLOAT_MAX = np.finfo(np.float32).max
 
@@ -296,7 +296,7 @@ def test_readings_of_nested_spaces_are_those_of_gymnasium():
 
 
 def test_actions_of_nested_spaces_are_actions():
-    turn, count = actor(NESTED), sum(part.size for part in parts_of(NESTED, "actions"))
+    turn, count = actor(NESTED), sum(part.size for part in space_parts(NESTED, "actions"))
     for outputs in np.random.default_rng(1).uniform(-1, 1, (50, count)):
         assert NESTED.contains(turn(outputs))
     names = Reader(NESTED).names

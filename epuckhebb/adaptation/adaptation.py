@@ -15,7 +15,7 @@ from epuckhebb.adaptation.gate import PlasticWhen, Stay, gates
 from epuckhebb.adaptation.homeostasis import HomeostasisState, homeostasis, initial_homeostasis_state
 from epuckhebb.adaptation.wall_following import wall_following
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.own_class import class_in, names_in, stored
+from epuckhebb.controller.own_class import load_class, part_names, stored
 from epuckhebb.controller.plasticity.control import Control
 from epuckhebb.controller.plasticity.rule import NoRule, Rule
 from epuckhebb.controller.random import noise_workspace_size
@@ -64,7 +64,7 @@ class Adaptation(NoAdaptation):
     homeostasis: bool = False
 
     def __post_init__(self) -> None:
-        allowed = (NONE, *names_in(change_signals))
+        allowed = (NONE, *part_names(change_signals))
         is_own = not isinstance(self.change_signal, str) or ":" in self.change_signal
         if not is_own and self.change_signal not in allowed:
             known = f"one of {', '.join(allowed)}, or FILE.py:NAME"
@@ -77,7 +77,7 @@ class Adaptation(NoAdaptation):
             unused = [field.name for field in gated if getattr(self, field.name) != field.default]
             if unused:
                 raise ValueError(f"adaptation.{unused[0]} does nothing without adaptation.change_signal; give one")
-        kind = None if is_own or self.change_signal == NONE else class_in(change_signals, self.change_signal)
+        kind = None if is_own or self.change_signal == NONE else load_class(change_signals, self.change_signal)
         self.signal: type[ChangeSignal] | None = self.change_signal if isinstance(self.change_signal, type) else kind
         self.is_gated = self.signal is not None
         self.acts = self.is_gated or self.homeostasis  # all that acts compares with nominal statistics

@@ -9,7 +9,7 @@ import numpy as np
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled
 from epuckhebb.controller.compiling.readonly import readonly
-from epuckhebb.controller.own_class import OwnClass, call_of, number
+from epuckhebb.controller.own_class import OwnClass, make_call, number
 from epuckhebb.tmaze.robot import STEP_S
 
 RECENT_S = 5.0  # time constant of recent means
@@ -63,7 +63,7 @@ class ChangeSignal(OwnClass):
 
 def signal_function(kind: type[ChangeSignal]) -> Callable[..., float]:
     """The function `signal(now, nominal, state)` of a kernel, of a `SignalContext`, a `NominalOfSide` and a record."""
-    call = call_of(kind.signal, kind.arguments("signal"), _OF_SIGNAL, "now, nominal, state")
+    call = make_call(kind.signal, kind.arguments("signal"), _OF_SIGNAL, "now, nominal, state")
     return compiled(lambda now, nominal, state: number(call(now, nominal, state)))
 
 

@@ -98,7 +98,7 @@ def measure_nominal(
     sides = recorded[:REPEATS], recorded[REPEATS:]
     arrivals = np.array([[outcome.time_to_goal for outcome, _ in side] for side in sides])
     readings = [np.concatenate([samples.sensors for _, samples in side]) for side in sides]
-    lights = scenario.robot.inputs_of(scenario.robot.light)
+    lights = scenario.robot.input_places(scenario.robot.light)
     patterns, novelty = light_patterns([1.0 - samples.sensors[:, lights] for _, samples in recorded])
     goals, radius = [scenario.goals_now[name] for name in SIDES], scenario.maze.goal_radius_m
     away = [

@@ -56,7 +56,7 @@ def wall_following(robot: Robot) -> Callable[[Floats, Floats], tuple[float, floa
 def _sensors(robot: Robot) -> list[tuple[int, ...]]:
     """Which inputs look to the front, ahead and to the side on the left, ahead and to the side on the right."""
     found: list[list[int]] = [[], [], [], [], []]
-    for number, place in enumerate(robot.distance.places, robot.inputs_of(robot.distance).start):
+    for number, place in enumerate(robot.distance.places, robot.input_places(robot.distance).start):
         azimuth = (place.azimuth + 180.0) % 360.0 - 180.0
         away, first = abs(azimuth), 1 if azimuth > 0 else 3
         if away <= _FRONT:

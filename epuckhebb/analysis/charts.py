@@ -18,7 +18,7 @@ from epuckhebb.analysis import environments, rescue
 from epuckhebb.analysis.image import house_style, plain
 from epuckhebb.analysis.lifetimes import is_of_controller
 from epuckhebb.analysis.statistics import LEAST
-from epuckhebb.controller.network import initial_weights_of
+from epuckhebb.controller.network import starting_weights
 from epuckhebb.controller.plasticity.weight_change import saturated_fraction
 from epuckhebb.tmaze.individual import GA
 from epuckhebb.tmaze.robot import EPUCK
@@ -226,7 +226,7 @@ def weight_change(conditions: Mapping[str, Mapping[str, Samples]], against: str,
     for axes, (name, sides) in zip(panels, conditions.items(), strict=True):
         for side, samples in sides.items():
             change = np.abs(np.diff(samples.weights, axis=0)).sum(axis=1)
-            lights, distances = (samples.sensors[1:, EPUCK.inputs_of(of)] for of in (EPUCK.light, EPUCK.distance))
+            lights, distances = (samples.sensors[1:, EPUCK.input_places(of)] for of in (EPUCK.light, EPUCK.distance))
             values = lights.mean(axis=1) if against == "light" else distances.max(axis=1)
             look = {"color": SIDE[side], "marker": MARKER[side], "s": 9, "alpha": 0.35, "linewidths": 0}
             axes.scatter(values, change, label=side, **look)
@@ -246,7 +246,7 @@ def weights(genes: NDArray[np.float64], lifetimes: Mapping[str, Samples], bound:
     panels = figure.subplots(1, len(lifetimes), squeeze=False, sharey=True)[0]
     for axes, (side, samples) in zip(panels, lifetimes.items(), strict=True):
         after = samples.weights[-1].astype(float)
-        before = initial_weights_of(genes[: len(after)])
+        before = starting_weights(genes[: len(after)])
         axes.plot([-bound, bound], [-bound, bound], color=SOFT, linewidth=0.8, label="unchanged")
         for edge, label in ((bound, "bound"), (-bound, "")):
             axes.axhline(edge, color=INK, linestyle="--", linewidth=0.8, label=label)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from epuckhebb.adaptation.nominal import Nominal
 from epuckhebb.analysis.tables import Rows
 from epuckhebb.controller import random
-from epuckhebb.controller.genome import GenomePlan, plan_of
+from epuckhebb.controller.genome import GenomePlan, make_plan
 from epuckhebb.controller.network import PAPER_NETWORK, Network
 from epuckhebb.controller.plasticity.control import Sign, signs, signs_of_draw, yoking
 from epuckhebb.controller.random import Stream
@@ -103,7 +103,7 @@ def evaluate(
     wanted: list[tuple[int, Side, int]] = [
         (number, side, repeat) for number in range(len(everyone)) for side in SIDES for repeat in range(repeats)
     ]
-    plan = plan or plan_of(network)
+    plan = plan or make_plan(network)
     individuals = make_individuals(genes, everyone, wanted, nominal, plan, network, seed, evolved_signs)
     outcomes = run_lifetimes(individuals, scenario, lifetime, threads, weight_path=has_control(controllers))
     rows = [
@@ -153,7 +153,7 @@ def make_individuals(
     evolved_signs: NDArray[np.float64] | None,
 ) -> list[Individual]:
     """The individuals of an evaluation, one for each wanted number of a controller, side and repeat."""
-    taken = [plan.pick(genes, plan_of(network, type(controller.rule))) for controller in controllers]
+    taken = [plan.pick(genes, make_plan(network, type(controller.rule))) for controller in controllers]
     place = zlib.crc32(taken[0].tobytes())
     of_updates = [
         evolved_signs

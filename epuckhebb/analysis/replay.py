@@ -22,7 +22,7 @@ from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.analysis.figures import controller_title, view
 from epuckhebb.analysis.moments import arrival, change_text, put_back
 from epuckhebb.analysis.page import filled, policy
-from epuckhebb.controller.network import PAPER_NETWORK, Network, initial_weights_of
+from epuckhebb.controller.network import PAPER_NETWORK, Network, starting_weights
 from epuckhebb.tmaze.lifetime import CONTACT
 from epuckhebb.tmaze.maze import SIDES, boxes
 from epuckhebb.tmaze.robot import STEP_S
@@ -60,7 +60,7 @@ def page(
     time = traces.samples.time[0]
     every = math.ceil(len(time) / _MOST_SAMPLES)
     interval = float(time[1] - time[0]) * every if len(time) > 1 else STEP_S
-    initial = initial_weights_of(genes[: network.synapses]).astype(np.float32)
+    initial = starting_weights(genes[: network.synapses]).astype(np.float32)
     lifetimes = {}
     has_trials = scenario.task.has_trials
     for side in sides:

@@ -18,19 +18,19 @@ from epuckhebb.analysis.evolutions import distinct, summary
 from epuckhebb.analysis.lifetimes import Evaluated, gather
 from epuckhebb.api.results import Evaluation, Evolution, Live
 from epuckhebb.config import (
-    controller_of,
     load_any,
-    overrides_of,
+    make_controller,
+    make_overrides,
+    object_text,
     quoted,
-    text_of,
     value_text,
 )
 from epuckhebb.controller.plasticity.rule import NoRule, Rule
 from epuckhebb.evolution.evolve import history_row
 from epuckhebb.runs import (
-    as_evolved,
     evolved,
-    genome_of,
+    inherit_choices,
+    make_genome,
     prepare_evaluation,
     prepare_evolution,
     settings_but_seed,
@@ -96,13 +96,13 @@ def _evaluated(
 ) -> Evaluation:
     """Run the lifetimes of a genome. record: keep more of them than a row each."""
     rule = keys.pop("hebbian") if isinstance(keys.get("hebbian"), Rule) else None
-    folder, words = _folder(config_dir), overrides_of(overrides, keys)
+    folder, words = _folder(config_dir), make_overrides(overrides, keys)
     if isinstance(genome, str | Path):
-        words = as_evolved([*words, f"genome={quoted(str(resolve_run(genome, 'evolve')))}"], folder)
+        words = inherit_choices([*words, f"genome={quoted(str(resolve_run(genome, 'evolve')))}"], folder)
     config = load_any("evaluate", words, folder)
     _take(config, rule)
     given = genome.genome if isinstance(genome, Evolution) else genome
-    loaded = None if isinstance(given, str | Path) else genome_of(given, config)
+    loaded = None if isinstance(given, str | Path) else make_genome(given, config)
     prepared = prepare_evaluation(config, loaded)
     prepared.world.compile(prepared.genome.network)
     rows, recorded = prepared.run(thread_count(config.threads), record=record)
@@ -134,7 +134,7 @@ def evolve(*overrides: str, config_dir: str | Path | None = None, progress: bool
     """
     be_quiet(not progress)
     rule = keys.pop("hebbian") if isinstance(keys.get("hebbian"), Rule) else None
-    config = load_any("evolve", overrides_of(overrides, keys), _folder(config_dir))
+    config = load_any("evolve", make_overrides(overrides, keys), _folder(config_dir))
     _take(config, rule)
     prepared = prepare_evolution(config)
     prepared.compile()
@@ -142,7 +142,7 @@ def evolve(*overrides: str, config_dir: str | Path | None = None, progress: bool
     *_, last = generations = list(prepared.generations(threads))
     genome, rows = prepared.genome(last, prepared.nominal(last, threads)), map(history_row, generations)
     known = settings_but_seed(config.values)
-    settings = known if rule is None else {**known, "hebbian": f"{text_of(type(rule))} {config.rule}"}
+    settings = known if rule is None else {**known, "hebbian": f"{object_text(type(rule))} {config.rule}"}
     return Evolution(genome=genome, history=pd.DataFrame(rows), settings=settings)
 
 
@@ -208,7 +208,7 @@ def play(
         The live world: `.address` of its page, `.close()` ends it. Runs that the page saves are in `runs/evaluate/`.
     """
     folder, path = _folder(config_dir), resolve_run(genome, "evolve")
-    words = as_evolved([f"genome={quoted(str(path))}", *overrides_of(overrides, keys)], folder)
+    words = inherit_choices([f"genome={quoted(str(path))}", *make_overrides(overrides, keys)], folder)
     return Live(words, side, folder).__enter__()
 
 
@@ -272,9 +272,9 @@ def _label(key: str, value: Any) -> Any:
     if isinstance(value, Rule):
         given = {one.name: getattr(value, one.name) for one in fields(value) if getattr(value, one.name) != one.default}
         facts = (f"{name} = {own:g}" if isinstance(own, float) else f"{name} = {own}" for name, own in given.items())
-        return ", ".join([controller_of(value, Adaptation()).name, *facts])
+        return ", ".join([make_controller(value, Adaptation()).name, *facts])
     if callable(value):
-        return text_of(value).rpartition(":")[2]
+        return object_text(value).rpartition(":")[2]
     if key == "genome" and not isinstance(value, str | Path):
         return "array"
     return value if isinstance(value, str | int | float) else value_text(value, key)

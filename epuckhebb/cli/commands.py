@@ -46,13 +46,13 @@ def run_command(
     command: str, job: Callable[..., None], prepare: Callable[..., Any], words: list[str], options: RunOptions
 ) -> None:
     """Let Hydra run a command, and print the results."""
-    from epuckhebb.config import check_words, dump, for_hydra, load_any
+    from epuckhebb.config import check_words, dump, hydra_arguments, load_any
     from epuckhebb.runs import check_same, hydra
 
     multirun, config_dir = options.multirun, options.config_dir
     if multirun and options.cfg:
         raise ConfigError("--cfg shows the configuration of one job: leave out --multirun, and give each key one value")
-    name, words = for_hydra(command, words)
+    name, words = hydra_arguments(command, words)
     check_words(name, words, several=multirun)
     if options.cfg:
         print(dump(load_any(name, words, config_dir)), end="")
@@ -139,7 +139,7 @@ def run_study(planned: "Planned", output: Output, *, dry_run: bool = False) -> N
 def evolve(overrides: Overrides = None, *, options: RunOptions) -> None:
     """Evolve a controller."""
     from epuckhebb.runs import evolve_job, hydra, prepare_evolution, resume
-    from epuckhebb.runtime import path_of
+    from epuckhebb.runtime import user_path
     from epuckhebb.store import MULTIRUN
 
     words = resolve_genomes(overrides)
@@ -147,7 +147,7 @@ def evolve(overrides: Overrides = None, *, options: RunOptions) -> None:
         if options.multirun or options.cfg or options.config_dir:
             raise ConfigError("resume=RUN goes on with the settings of RUN: no -m, --cfg or --config-dir with it")
         changes = [word for word in words if not word.startswith("resume=")]
-        (folder, *others) = (path_of(word.removeprefix("resume="), "resume") for word in words if word not in changes)
+        (folder, *others) = (user_path(word.removeprefix("resume="), "resume") for word in words if word not in changes)
         if others or not (folder / MULTIRUN).is_file():
             print_run("evolve", resume(words, reporter(options)), options)
             return
@@ -164,9 +164,9 @@ def evolve(overrides: Overrides = None, *, options: RunOptions) -> None:
 @takes_options
 def evaluate(overrides: Overrides = None, *, options: RunOptions) -> None:
     """A genome's lifetimes with and without plasticity."""
-    from epuckhebb.runs import as_evolved, evaluate_job, prepare_evaluation
+    from epuckhebb.runs import evaluate_job, inherit_choices, prepare_evaluation
 
-    words = as_evolved(resolve_genomes(overrides), options.config_dir)
+    words = inherit_choices(resolve_genomes(overrides), options.config_dir)
     run_command("evaluate", evaluate_job, prepare_evaluation, words, options)
 
 
@@ -231,13 +231,13 @@ def play(
     import webbrowser
 
     from epuckhebb.live.server import Play
-    from epuckhebb.runs import as_evolved
+    from epuckhebb.runs import inherit_choices
     from epuckhebb.runtime import be_quiet, say
 
     be_quiet(quiet)
     words = list(overrides or ())
     if words[:1] != ["flock"]:
-        words = as_evolved(resolve_genomes(words), config_dir)
+        words = inherit_choices(resolve_genomes(words), config_dir)
     with Play(words, side, config_dir, port) as live, suppress(KeyboardInterrupt):
         say("Ctrl-C ends it.")
         typer.echo(live.address)  # from here on, Ctrl-C is how it is ended

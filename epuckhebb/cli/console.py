@@ -111,7 +111,7 @@ def report_errors() -> Iterator[None]:
         message, code = f"a job failed: {error}", JOB_FAILED
     except (Exception, SystemExit) as error:  # a user's own part may raise anything, and even leave Python
         config = sys.modules.get("epuckhebb.config")  # if it is not loaded, no file of the user's is
-        if config is not None and (place := config.own_place(error)):
+        if config is not None and (place := config.user_place(error)):
             message = f"{place}: {type(error).__name__}: {error}"
         elif isinstance(error, BrokenPipeError):  # nobody reads what we say, and what we do is done
             discard(sys.stdout)

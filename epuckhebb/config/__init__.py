@@ -6,7 +6,7 @@ file that knows Hydra, imports `catalogue`, `compose` and `resolve` too. What ca
 """
 
 from epuckhebb.config import hand
-from epuckhebb.config.build import controller_of
+from epuckhebb.config.build import make_controller
 from epuckhebb.config.compose import configurations, load, load_any, swept_values
 from epuckhebb.config.environments import EnvironmentConfig, EvaluateEnvironment, EvolveEnvironment, environment_of_run
 from epuckhebb.config.errors import explain
@@ -15,27 +15,27 @@ from epuckhebb.config.overrides import (
     SWEEP_DIR,
     alternatives,
     check_words,
-    for_hydra,
-    overrides_of,
+    format_overrides,
+    hydra_arguments,
+    make_overrides,
+    override_value,
     quoted,
     readable,
-    typed_as,
-    value_of,
     value_text,
     values_of,
 )
-from epuckhebb.config.parts import KINDS, NONE, PAPER, part_class, part_from
+from epuckhebb.config.parts import KINDS, NONE, PAPER, make_part, part_class
 from epuckhebb.config.plugins import (
     OWN_CODE,
     OwnFile,
     class_named,
     loaders,
+    object_text,
     own_files,
-    own_place,
-    own_references,
-    own_sources,
-    text_of,
-    with_own_copies,
+    substitute_copies,
+    user_place,
+    user_references,
+    user_sources,
 )
 from epuckhebb.config.resolve import training_world, world_name
 from epuckhebb.config.schema import (
@@ -48,9 +48,9 @@ from epuckhebb.config.schema import (
     Plain,
     WorldConfig,
     dump,
-    from_values,
+    find_schema,
+    make_config,
     register,
-    schema_of,
     typed,
 )
 from epuckhebb.config.values import part_settings

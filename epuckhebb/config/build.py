@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, get_type_hints
 
 from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.config import hand
-from epuckhebb.config.parts import GENETIC, NONE, PAPER, part_class, part_from
+from epuckhebb.config.parts import GENETIC, NONE, PAPER, make_part, part_class
 from epuckhebb.config.values import converted, part_settings, record
 from epuckhebb.controller.network import HIDDEN, Network
 from epuckhebb.controller.plasticity.control import Control, Sign
@@ -47,11 +47,11 @@ class _Start(NamedTuple):
     heading_deg: float
 
 
-def rule_from(settings: Mapping[str, Any], key: str) -> Rule:
+def make_rule(settings: Mapping[str, Any], key: str) -> Rule:
     """The rule that a part of the configuration describes. key: where it stands there, for messages."""
     given = {name: value for name, value in settings.items() if name != "name"}
     if given.get("rule") != NONE:
-        rule: Rule = part_from("rule", given, key)
+        rule: Rule = make_part("rule", given, key)
         return rule
     if len(given) > 1:
         useless = next(name for name in given if name != "rule")
@@ -59,22 +59,22 @@ def rule_from(settings: Mapping[str, Any], key: str) -> Rule:
     return NO_RULE
 
 
-def optimizer_from(settings: Mapping[str, Any], ga: Algorithm | None) -> Algorithm:
+def make_optimizer(settings: Mapping[str, Any], ga: Algorithm | None) -> Algorithm:
     """The optimizer that a part of the configuration describes. ga: the genetic algorithm; None for another one."""
     if (settings.get("algorithm") == GENETIC) != (ga is not None) or (ga is not None and len(settings) > 1):
         given = f"optimizer={settings.get('algorithm')}, with{'out' * (ga is None)} settings of ga"
         raise ConfigError(f"ga.population and the like go with optimizer=ga, else optimizer.population; got {given}")
-    return part_from("optimizer", settings, "optimizer") if ga is None else ga
+    return make_part("optimizer", settings, "optimizer") if ga is None else ga
 
 
-def with_signal(adaptation: Adaptation, key: str = "adaptation") -> Adaptation:
+def resolve_signal(adaptation: Adaptation, key: str = "adaptation") -> Adaptation:
     """An adaptation whose signal of change is a class if it is the user's, FILE.py:NAME."""
     if ":" not in str(adaptation.change_signal):
         return adaptation
     return replace(adaptation, change_signal=part_class("change signal", adaptation.change_signal, key))
 
 
-def controller_of(rule: Rule, adaptation: Adaptation, called: str | None = None) -> Controller:
+def make_controller(rule: Rule, adaptation: Adaptation, called: str | None = None) -> Controller:
     """The controller of a rule and an adaptation. called: the name of the rule; its class unless given."""
     differs = [one.name for one in (rule.sign, rule.control) if one not in (Sign.hebbian, Control.none)]
     control = f" ({', '.join(differs)})" if differs else ""
@@ -105,11 +105,11 @@ def compared(name: str, settings: Any, hebbian: Mapping[str, Any], paper_rate: f
     if own["rule"] != NONE:
         own.setdefault("N", paper_rate)
     with refusing(lambda error: f"{key}: {error}", (ValueError, TypeError)):
-        adaptation = with_signal(Adaptation(**{**given, "name": name}), place) if given else Adaptation()
-        return Controller(name=name, rule=rule_from(own, key), adaptation=adaptation)
+        adaptation = resolve_signal(Adaptation(**{**given, "name": name}), place) if given else Adaptation()
+        return Controller(name=name, rule=make_rule(own, key), adaptation=adaptation)
 
 
-def with_controls(controller: Controller, task: Task) -> list[Controller]:
+def add_controls(controller: Controller, task: Task) -> list[Controller]:
     """A controller, unless it does nothing, and the control that it has in a task that gives a reward.
 
     The control is the same controller, whose rule receives the reward inverted. A rule without reward has no control.
@@ -122,7 +122,7 @@ def with_controls(controller: Controller, task: Task) -> list[Controller]:
     return [controller, replace(controller, name=f"{controller.name} (reward inverted)", rule=rule)]
 
 
-def maze_from(value: object) -> Maze:
+def make_maze(value: object) -> Maze:
     """A maze: boxes and goals by name, `start.heading_deg` in degrees, bounds of arms infinite if they are left out."""
     given = {key: item for key, item in value.items() if key != _LAMP} if isinstance(value, Mapping) else value
     values = part_settings(Maze, given, "maze", "a maze", start=_Start)
@@ -130,7 +130,7 @@ def maze_from(value: object) -> Maze:
     return Maze(**values, start=Pose(x, y, math.radians(heading_deg)))
 
 
-def robot_from(value: object) -> Robot:
+def make_robot(value: object) -> Robot:
     """A robot, which needs all keys; places are lists of x, y [m], azimuth [degrees], points of the curve lists too.
 
     `sensors` may be left out: the user's own, each `sensor: FILE.py:NAME` with its settings.
@@ -145,11 +145,11 @@ def robot_from(value: object) -> Robot:
     light = LightSensors(places=values.pop("light_places"))
     felt = DistanceSensors(**{field: values.pop(key) for key, field in _OF_DISTANCE.items()})
     keys = [f"robot.{_OWN}[{number}]" for number in range(len(own))]
-    more = [part_from("sensor", converted(key, one, dict[str, Any]), key) for key, one in zip(keys, own, strict=True)]
+    more = [make_part("sensor", converted(key, one, dict[str, Any]), key) for key, one in zip(keys, own, strict=True)]
     return Robot(**values, sensors=(light, felt, *more))
 
 
-def scenario_from(
+def make_scenario(
     scenario: Any,
     maze: Mapping[str, Any],
     robot: Mapping[str, Any],
@@ -159,7 +159,7 @@ def scenario_from(
 ) -> Scenario:
     """The world of a configuration. task, fitness, physics: None for the paper's, or that of the plane."""
     values = {field.name: getattr(scenario, field.name) for field in fields(scenario)}
-    in_maze, of_kind = maze_from(maze), robot_from(robot)
+    in_maze, of_kind = make_maze(maze), make_robot(robot)
     start = values.pop("start")
     if start is not None:
         x, y, heading_deg = converted("scenario.start", start, tuple[float, float, float])
@@ -176,13 +176,13 @@ def scenario_from(
         **values,
         maze=in_maze,
         robot=of_kind,
-        task=ONE_TRIAL if task is None else part_from("task", task, "task"),
-        fitness=PAPER_FITNESS if fitness is None else part_from("fitness", fitness, "fitness"),
-        physics=PYMUNK if physics is None else part_from("physics", physics, "physics"),
+        task=ONE_TRIAL if task is None else make_part("task", task, "task"),
+        fitness=PAPER_FITNESS if fitness is None else make_part("fitness", fitness, "fitness"),
+        physics=PYMUNK if physics is None else make_part("physics", physics, "physics"),
     )
 
 
-def network_for(world: Scenario, shape: Shape) -> Network:
+def make_network(world: Scenario, shape: Shape) -> Network:
     """The network of this shape; without one, the paper's hidden layers between the inputs and the wheels."""
     if isinstance(shape, Wiring):
         try:

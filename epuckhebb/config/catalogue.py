@@ -19,7 +19,7 @@ from hydra.plugins.search_path_plugin import SearchPathPlugin
 from omegaconf import DictConfig, OmegaConf
 
 from epuckhebb.config.errors import explain, wrong_of
-from epuckhebb.config.overrides import check_words, for_hydra
+from epuckhebb.config.overrides import check_words, hydra_arguments
 from epuckhebb.config.schema import SCHEMAS, structured
 from epuckhebb.config.source import Choices
 from epuckhebb.runtime import ConfigError, data_folder
@@ -49,7 +49,7 @@ class _SearchPath(SearchPathPlugin):
 class Composed(NamedTuple):
     """A configuration as Hydra composes it, what Hydra keeps for itself, and the choice of each group.
 
-    command, words: what it is composed of, as of `for_hydra`.
+    command, words: what it is composed of, as of `hydra_arguments`.
     """
 
     command: str
@@ -59,9 +59,9 @@ class Composed(NamedTuple):
     choices: dict[str, str]
 
 
-def by_hydra(command: str, overrides: list[str], config_dir: str | None = None) -> Composed:
+def hydra_composition(command: str, overrides: list[str], config_dir: str | None = None) -> Composed:
     """A configuration as Hydra composes it, which may be changed; one without files of the user's is composed once."""
-    name, words = for_hydra(command, overrides)
+    name, words = hydra_arguments(command, overrides)
     if name in SCHEMAS:
         check_words(name, words)
     if config_dir is not None or any(SEARCH_PATH in word for word in words):
@@ -81,13 +81,13 @@ def _composed(command: str, words: tuple[str, ...], config_dir: str | None) -> C
         raise ConfigError(f"{' '.join(wrong_of(words, error))}{': ' if words else ''}{explain(error)}") from error
     OmegaConf.set_struct(cfg, False)
     hydra = cfg.pop("hydra")
-    return Composed(command, words, cfg, hydra, choices_of(hydra.runtime))
+    return Composed(command, words, cfg, hydra, group_choices(hydra.runtime))
 
 
 _composed_once = functools.lru_cache(maxsize=32)(_composed)
 
 
-def choices_of(runtime: Any) -> dict[str, str]:
+def group_choices(runtime: Any) -> dict[str, str]:
     """The choice of each group, from what Hydra notes of a composition."""
     return {str(group): str(choice) for group, choice in runtime.choices.items()}
 

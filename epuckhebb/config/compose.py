@@ -7,11 +7,11 @@ from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
-from epuckhebb.config.catalogue import Composed, by_hydra
+from epuckhebb.config.catalogue import Composed, hydra_composition
 from epuckhebb.config.overrides import OF_ENVIRONMENT, values_of
 from epuckhebb.config.resolve import resolve
 from epuckhebb.config.schema import SCHEMAS, Config, Plain, plain, typed, value_as_declared
-from epuckhebb.config.source import folders_of
+from epuckhebb.config.source import search_folders
 from epuckhebb.runtime import ConfigError
 
 _ALONE = ("genome", "seed", "repeats", "threads")  # keys on which nothing else in a configuration depends, unless:
@@ -39,14 +39,14 @@ def composed(command: str, overrides: list[str], config_dir: str | None = None) 
 
 def composed_with_hydra(command: str, overrides: list[str], config_dir: str | None) -> Composed:
     """The configuration that a command would run with these overrides, with what Hydra keeps for itself."""
-    found = by_hydra(command, overrides, config_dir)
-    resolve(found.command, found.cfg, found.choices, found.words, folders_of(found.hydra.runtime))
+    found = hydra_composition(command, overrides, config_dir)
+    resolve(found.command, found.cfg, found.choices, found.words, search_folders(found.hydra.runtime))
     return found
 
 
 def swept_values(overrides: list[str], config_dir: str | None = None) -> dict[str, str]:
     """For each key the values that a named sweep of `evaluate` gives it; empty if the overrides name none."""
-    params = by_hydra("evaluate", overrides, config_dir).hydra.sweeper.params
+    params = hydra_composition("evaluate", overrides, config_dir).hydra.sweeper.params
     return {str(key): str(values) for key, values in (params or {}).items()}
 
 

@@ -13,7 +13,7 @@ from omegaconf import DictConfig
 
 from epuckhebb.config import build
 from epuckhebb.config.overrides import ANY, OF_ENVIRONMENT, parsed, value_text
-from epuckhebb.config.parts import NONE, Layers, part_from
+from epuckhebb.config.parts import NONE, Layers, make_part
 from epuckhebb.config.plugins import class_named, is_own, object_named, place_files
 from epuckhebb.config.schema import Checked, Evaluates, Evolves, Figures, register
 from epuckhebb.controller.network import Network
@@ -56,12 +56,12 @@ class EnvironmentConfig(Checked):
     def __post_init__(self) -> None:
         """Validate the settings."""
         check(self)
-        self.world = world_of(self.environment)
+        self.world = make_world(self.environment)
         self.world.check()
         self.judge: Fitness | None = None
-        self.network_made = _network(self.world, part_from("wiring", self.network, "network"))
+        self.network_made = _network(self.world, make_part("wiring", self.network, "network"))
         self.shape = self.network_made.wiring
-        self.rule = build.rule_from(self.hebbian, "hebbian")
+        self.rule = build.make_rule(self.hebbian, "hebbian")
         self.use(self.rule, self.hebbian.get("name"))
 
     def use(self, rule: Rule, called: str | None = None) -> None:
@@ -123,7 +123,7 @@ class EvolveEnvironment(Evolves, EnvironmentConfig):
         """Validate the settings."""
         super().__post_init__()
         if self.fitness != {"function": RETURN}:
-            self.judge = part_from("fitness", self.fitness, "fitness")
+            self.judge = make_part("fitness", self.fitness, "fitness")
             self.judge.check_world(IN_ENVIRONMENT)
 
     def use(self, rule: Rule, called: str | None = None) -> None:
@@ -163,7 +163,7 @@ class EvaluateEnvironment(Evaluates, EnvironmentConfig):
                 raise ValueError(f"compare.{controller.name}.sign_draw={rule.sign_draw} needs sign: shuffled, {got}")
 
 
-def world_of(settings: Environment) -> World:
+def make_world(settings: Environment) -> World:
     """The world of settings; it is checked where it is used first."""
     functions = {change[FUNCTION]: _function(change[FUNCTION]) for change in settings.changes if FUNCTION in change}
     return World(

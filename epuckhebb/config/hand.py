@@ -4,7 +4,7 @@ from typing import Any
 
 import msgspec
 
-from epuckhebb.runtime import path_of, refusing
+from epuckhebb.runtime import refusing, user_path
 
 NAME = "hand.json"  # of the copy in a run folder
 _KEY = "scenario.hand"
@@ -19,7 +19,7 @@ def read(text: str) -> tuple[dict[str, Any], ...]:
 def content(text: str) -> bytes:
     """The bytes of a file of changes."""
     with refusing(lambda error: f"{_KEY}={text} cannot be read: {error.strerror}", OSError):
-        return path_of(text, _KEY).read_bytes()
+        return user_path(text, _KEY).read_bytes()
 
 
 def written(changes: list[dict[str, Any]]) -> bytes:

@@ -19,7 +19,7 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.adaptation.adaptation import NONE, Adaptation
-from epuckhebb.config.plugins import text_of
+from epuckhebb.config.plugins import object_text
 from epuckhebb.config.schema import OPEN, SCHEMAS, literal
 from epuckhebb.controller.own_class import OwnClass
 from epuckhebb.runtime import ConfigError, conf, data_folder, did_you_mean
@@ -67,7 +67,7 @@ def _readable(word: str) -> str:
     word = _FORCED_DIR.sub("", word)
     key, _, value = word.partition("=")
     if key in _NUMBERED:
-        value = _FROM_TO.sub(_with_those_between, value)
+        value = _FROM_TO.sub(_fill_ranges, value)
         if "*" in value and value[0] not in "['\"":
             value = ",".join(quoted(path) for one in value.split(",") for path in _champions(key, one))
         word = f"{key}={value}"
@@ -80,7 +80,7 @@ def _readable(word: str) -> str:
     return word
 
 
-def _with_those_between(ends: re.Match[str]) -> str:
+def _fill_ranges(ends: re.Match[str]) -> str:
     """`reference_1,...,reference_3` with what is between."""
     return ",".join(f"{ends[1]}{number}" for number in range(int(ends[2]), int(ends[3]) + 1))
 
@@ -98,7 +98,7 @@ def _champions(key: str, pattern: str) -> list[str]:
 
 def check_words(command: str, words: Sequence[str], *, several: bool = False) -> None:
     """Refuse keys that the schema does not know, and several values for a key unless there is a job for each."""
-    choices, known = conf.groups(command), known_keys(command)
+    choices, known = conf.groups(command), schema_keys(command)
     open_keys = tuple(f"{key}." for key in OPEN if key in known)  # the schema does not know what keys are below
     for override in parsed(word for word in words if not word.startswith("-")):
         key, line = override.key_or_group, str(override.input_line)
@@ -132,7 +132,7 @@ def _below(key: str, groups: Iterable[str]) -> Iterator[str]:
 
 
 @functools.cache
-def known_keys(command: str) -> frozenset[str]:
+def schema_keys(command: str) -> frozenset[str]:
     """All keys of a command that the schema knows, dotted."""
     schema = OmegaConf.to_container(OmegaConf.structured(SCHEMAS[command]))
     assert isinstance(schema, dict)
@@ -161,7 +161,7 @@ def quoted(text: str) -> str:
     return f'"{escaped}"'
 
 
-def value_of(override: str) -> str:
+def override_value(override: str) -> str:
     """The text that an override gives to its key, without quotes."""
     value = parsed([override])[0].value()
     try:
@@ -185,18 +185,18 @@ def alternatives(overrides: list[str]) -> dict[str, list[str]]:
     return found
 
 
-def for_hydra(command: str, words: Iterable[str]) -> tuple[str, list[str]]:
+def hydra_arguments(command: str, words: Iterable[str]) -> tuple[str, list[str]]:
     """The name of the configuration of these overrides, which is another in an environment, and what Hydra is given.
 
     `environment=FILE.py:NAME` is an id, `change` is a key of an environment there, and a list below `compare` a mapping
     of names that have no settings, as the schema has it. `hebbian` and `hebbian.rule` are one choice.
     """
-    words, result = _with_one_rule([_with_names(command, word) for word in words]), list[str]()
+    words, result = _choose_rule([_quote_names(command, word) for word in words]), list[str]()
     named = [word for word in words if word.startswith(_ENVIRONMENT)][-1:]
     worlds = set(alternatives(named).get("environment", ()))
     if _MAZE in worlds and len(worlds) > 1:
         raise ConfigError(f"{named[0]}: {_MAZE} has keys of its own; give it in a call of its own")
-    experiments = [value_of(word) for word in words if word.startswith("experiment=")]
+    experiments = [override_value(word) for word in words if word.startswith("experiment=")]
     file = data_folder("conf") / "experiment" / f"{experiments[-1]}.yaml" if experiments else Path()
     if not named and file.is_file() and "override /environment:" in file.read_text(encoding="utf-8"):
         worlds.add("")
@@ -219,7 +219,7 @@ def for_hydra(command: str, words: Iterable[str]) -> tuple[str, list[str]]:
     return command, result
 
 
-def _with_names(command: str, word: str) -> str:
+def _quote_names(command: str, word: str) -> str:
     """An override in which names of choices that look like numbers, as `change=30` has, stand in quotes."""
     key, _, value = word.partition("=")
     if key not in conf.groups(command) or not _CHOICES.fullmatch(value):
@@ -233,13 +233,13 @@ def _with_names(command: str, word: str) -> str:
     return f"{key}={_NAME.sub(name, value)}"
 
 
-def _with_one_rule(words: list[str]) -> list[str]:
+def _choose_rule(words: list[str]) -> list[str]:
     """Overrides in which a rule is chosen by `hebbian` if it has a row there, and by `hebbian.rule` if it has none."""
     chosen = {key: [word for word in words if word.startswith(f"{key}=")] for key in (_RULES, _RULE)}
     for key, other in ((_RULE, _RULES), (_RULES, _RULE)):
         for word in chosen[key]:
             ((_, choices),) = alternatives([word]).items()
-            values = [value_of(choice) for choice in choices]
+            values = [override_value(choice) for choice in choices]
             has_row = any(value in conf.groups("evaluate")[_RULES] for value in values)
             if has_row if key == _RULE else not has_row and all(".py:" in value for value in values):
                 if chosen[other]:
@@ -248,7 +248,7 @@ def _with_one_rule(words: list[str]) -> list[str]:
     return words
 
 
-def overrides_of(overrides: Sequence[Any], keys: Mapping[str, Any]) -> list[str]:
+def make_overrides(overrides: Sequence[Any], keys: Mapping[str, Any]) -> list[str]:
     """Overrides as on the command line, of texts and of keywords."""
     for override in overrides:
         if not isinstance(override, str) or "=" not in override:
@@ -289,7 +289,7 @@ def value_text(value: Any, key: str) -> str:
     if isinstance(value, str | Path):
         return quoted(str(value))
     if callable(value) and key.startswith("environment."):
-        return quoted(text_of(value))
+        return quoted(object_text(value))
     if isinstance(value, Mapping):
         return "{" + ",".join(f"{name}: {value_text(inner, f'{key}.{name}')}" for name, inner in value.items()) + "}"
     if isinstance(value, list | tuple):
@@ -297,6 +297,6 @@ def value_text(value: Any, key: str) -> str:
     raise ConfigError(f"{key} must be text, a number, a list or settings, got {type(value).__name__}")
 
 
-def typed_as(settings: Mapping[str, Any]) -> list[str]:
+def format_overrides(settings: Mapping[str, Any]) -> list[str]:
     """Settings as they would be typed."""
     return [f"{key}={value_text(value, key)}" for key, value in settings.items()]

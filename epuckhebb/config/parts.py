@@ -14,7 +14,7 @@ from epuckhebb.adaptation.change_signal import ChangeSignal
 from epuckhebb.config.plugins import class_named
 from epuckhebb.config.values import part_settings
 from epuckhebb.controller import wirings
-from epuckhebb.controller.own_class import OwnClass, class_in, names_in
+from epuckhebb.controller.own_class import OwnClass, load_class, part_names
 from epuckhebb.controller.plasticity import rules
 from epuckhebb.controller.plasticity.rule import Rule
 from epuckhebb.controller.wiring import LAYERS, Wiring
@@ -66,7 +66,7 @@ class Kind:
     @property
     def names(self) -> list[str]:
         """The parts that the program has."""
-        return sorted([*self.besides, *(names_in(self.package) if self.package else ())])
+        return sorted([*self.besides, *(part_names(self.package) if self.package else ())])
 
 
 KINDS = {
@@ -102,10 +102,10 @@ def part_class(kind: str, name: Any, key: str) -> Any:
     if name in row.besides:
         return row.besides[name]
     assert row.package is not None  # it has the names
-    return class_in(row.package, name)
+    return load_class(row.package, name)
 
 
-def part_from(kind: str, settings: Mapping[str, Any], key: str) -> Any:
+def make_part(kind: str, settings: Mapping[str, Any], key: str) -> Any:
     """The part that settings below a key describe: the name of its class, and the settings that this has."""
     which = KINDS[kind].key
     name, own = settings.get(which), {one: value for one, value in settings.items() if one != which}

@@ -25,11 +25,11 @@ from epuckhebb.controller.compiling.sources import (
     OWN_PACKAGE,
     file_of,
     is_installed,
-    modules_in,
+    loaded_modules,
+    loaded_sources,
     sources_elsewhere,
-    sources_in,
 )
-from epuckhebb.runtime import ConfigError, did_you_mean, path_of
+from epuckhebb.runtime import ConfigError, did_you_mean, user_path
 
 OWN_CODE = "own_code"  # the folder of the copies in a run folder
 _NAMED = re.compile(r"(.+\.py):([^\W\d]\w*)", re.DOTALL)
@@ -73,44 +73,44 @@ class OwnFile:
         return {path: _sha256(source) for path, source in {**beside, **self.elsewhere}.items()}
 
 
-def own_references(config: Any) -> Iterator[tuple[Any, str, Path, str]]:
+def user_references(config: Any) -> Iterator[tuple[Any, str, Path, str]]:
     """All `FILE.py:NAME` in a configuration: the mapping that holds it, its key there, the file and the name."""
     for key, value in config.items():
         for part in value if isinstance(value, Sequence) and not isinstance(value, str) else [value]:
             if isinstance(part, Mapping):
-                yield from own_references(part)
+                yield from user_references(part)
         if isinstance(value, str) and (match := _NAMED.fullmatch(value)):
-            yield config, str(key), path_of(match[1], str(key)), match[2]
+            yield config, str(key), user_path(match[1], str(key)), match[2]
 
 
 def place_files(config: Any) -> None:
     """Write down where the user's files are that a configuration names."""
-    for part, key, path, name in list(own_references(config)):
+    for part, key, path, name in list(user_references(config)):
         part[key] = f"{path.absolute()}:{name}"
 
 
 def own_files(config: Any) -> dict[Path, OwnFile]:
     """The user's files that a configuration names, as they are now, by their paths as they stand there."""
-    return {path: _own_file(path) for _, _, path, _ in own_references(config)}
+    return {path: _user_file(path) for _, _, path, _ in user_references(config)}
 
 
-def _own_file(file: Path) -> OwnFile:
+def _user_file(file: Path) -> OwnFile:
     package, path = str(load(file, str(file)).__package__), file.resolve()
-    beside = {one.relative_to(path.parent).as_posix(): source for one, source in sources_in(package).items()}
+    beside = {one.relative_to(path.parent).as_posix(): source for one, source in loaded_sources(package).items()}
     return OwnFile(path, beside, sources_elsewhere(package))
 
 
-def own_sources(config: Any) -> dict[str, str]:
+def user_sources(config: Any) -> dict[str, str]:
     """The SHA-256, by path, of all the user's files that results of a configuration depend on."""
     own = {path: sha256 for own in own_files(config).values() for path, sha256 in own.sha256.items()}
     by_hand = (config.get("scenario") or {}).get("hand")
     return own if by_hand is None else {**own, str(by_hand): _sha256(hand.content(by_hand))}
 
 
-def with_own_copies(values: dict[str, Any], run: Path, own_code: Mapping[str, Any]) -> dict[str, Any]:
+def substitute_copies(values: dict[str, Any], run: Path, own_code: Mapping[str, Any]) -> dict[str, Any]:
     """Plain values of a run with its own copies in place of the user's files. own_code: of its provenance."""
     values = copy.deepcopy(values)
-    for part, key, file, name in own_references(values):
+    for part, key, file, name in user_references(values):
         part[key] = f"{(run / own_code[str(file)]['copy']).absolute()}:{name}"
     scenario = values.get("scenario")
     if isinstance(scenario, dict) and scenario.get("hand") is not None:
@@ -123,7 +123,7 @@ def is_own(text: str) -> bool:
     return ".py:" in text or text in _objects
 
 
-def text_of(thing: Any) -> str:
+def object_text(thing: Any) -> str:
     """The text that stands for a class or a function of Python in a configuration of this process.
 
     Another one of the same name has a number after it: a function may make several.
@@ -137,19 +137,19 @@ def text_of(thing: Any) -> str:
 
 
 def object_named(text: str, key: str) -> Any:
-    """What `FILE.py:NAME`, or a text of `text_of`, names; None if the file has no such name.
+    """What `FILE.py:NAME`, or a text of `object_text`, names; None if the file has no such name.
 
     key: names it in messages.
     """
     if text in _objects:
         return _objects[text]
     file, _, name = text.rpartition(":")
-    return getattr(load(path_of(file, key), f"{key}={text}"), name, None)
+    return getattr(load(user_path(file, key), f"{key}={text}"), name, None)
 
 
 def loaders(config: Any) -> list[Callable[[], ModuleType]]:
     """Functions that load the user's files that a configuration names, for another process."""
-    paths = dict.fromkeys(path for _, _, path, _ in own_references(config))
+    paths = dict.fromkeys(path for _, _, path, _ in user_references(config))
     return [functools.partial(load, path, str(path)) for path in paths]
 
 
@@ -161,7 +161,7 @@ def class_named(text: str, base: type[Base], key: str) -> type[Base]:
     if text in _objects:
         raise ConfigError(f"{key} must be a subclass of {base.__name__}, or a function that makes one, got {kind!r}")
     file, _, name = text.rpartition(":")
-    module = load(path_of(file, key), f"{key}={text}")
+    module = load(user_path(file, key), f"{key}={text}")
     known = [n for n, v in vars(module).items() if isinstance(v, type) and issubclass(v, base) and v is not base]
     hint = f"{', '.join(known) or 'none'}{did_you_mean(name, known)}"
     raise ConfigError(f"{key}={text}: it has no subclass {name} of {base.__name__}, but {hint}")
@@ -184,7 +184,7 @@ def load(file: Path, key: str) -> ModuleType:
         return _imported(path, package, name)
     except (Exception, SystemExit) as error:  # a file may even leave Python
         _unload(package)
-        where = f"{place}," if (place := own_place(error)) else path
+        where = f"{place}," if (place := user_place(error)) else path
         why = f"{type(error).__name__}: {error}".replace(f"{package}.", "").replace(package, str(path.parent))
         raise ConfigError(f"{key}: {where} cannot be imported: {why}{_hint(error, path.parent)}") from error
 
@@ -208,7 +208,7 @@ def _imported(path: Path, package: str, name: str) -> ModuleType:
         file = file_of(sys.modules[other])
         if file and file.parent == path.parent and not other.startswith(OWN_PACKAGE) and not is_installed(file):
             raise ModuleNotFoundError(f"a run would have no copy of {file.name}", name=other)
-    sources_in(package), sources_elsewhere(package)  # noted now, before anybody edits them
+    loaded_sources(package), sources_elsewhere(package)  # noted now, before anybody edits them
     return module
 
 
@@ -221,16 +221,16 @@ def _hint(error: BaseException, folder: Path) -> str:
 
 def _is_unchanged(package: str) -> bool:
     with suppress(OSError):
-        return all(file.read_bytes() == source for file, source in sources_in(package).items())
+        return all(file.read_bytes() == source for file, source in loaded_sources(package).items())
     return False
 
 
 def _unload(package: str) -> None:
-    for name in modules_in(package):
+    for name in loaded_modules(package):
         del sys.modules[name]
 
 
-def own_place(error: BaseException) -> str:
+def user_place(error: BaseException) -> str:
     """The file of a user's and its line in which an error arose; "" if it arose elsewhere."""
     if isinstance(error, SyntaxError) and error.filename and error.lineno:
         return f"{error.filename}, line {error.lineno}"

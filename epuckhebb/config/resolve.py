@@ -15,16 +15,16 @@ from omegaconf import DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config import environments, hand
-from epuckhebb.config.build import scenario_from
+from epuckhebb.config.build import make_scenario
 from epuckhebb.config.catalogue import NULL
 from epuckhebb.config.errors import explain
-from epuckhebb.config.parts import KINDS, NONE, PAPER, PART_GROUPS, part_class, part_from
+from epuckhebb.config.parts import KINDS, NONE, PAPER, PART_GROUPS, make_part, part_class
 from epuckhebb.config.plugins import place_files
 from epuckhebb.config.schema import ScenarioConfig, WorldConfig
 from epuckhebb.config.source import BROUGHT, change_row, choice, merge, named
 from epuckhebb.controller.wiring import LAYERS
 from epuckhebb.evolution.training import Training
-from epuckhebb.runtime import ConfigError, conf, data_folder, path_of, refusing, yaml_file
+from epuckhebb.runtime import ConfigError, conf, data_folder, refusing, user_path, yaml_file
 from epuckhebb.runtime.yaml_file import DEFAULTS
 from epuckhebb.tmaze.individual import HEBBIAN
 from epuckhebb.tmaze.life import Lifetime
@@ -208,7 +208,7 @@ def _complete_parts(cfg: DictConfig) -> None:
             raise ConfigError(f"{key} must be {{sensor: FILE.py:NAME}} and its settings, got {settings}")
         _write_defaults(settings, "sensor", settings.sensor, key)
     if cfg.scenario.get("hand") is not None:
-        cfg.scenario.hand = str(path_of(cfg.scenario.hand, "scenario.hand").absolute())
+        cfg.scenario.hand = str(user_path(cfg.scenario.hand, "scenario.hand").absolute())
 
 
 def _write_defaults(settings: DictConfig, kind: str, part: str, key: str) -> None:
@@ -248,9 +248,9 @@ def training_world(config: WorldConfig, evolved_in: str = "") -> Scenario:
     which may be another than that of the configuration; "" for that of the plane.
     """
     trained, name = TRAINED[config.world.experiment], evolved_in or PYMUNK.name
-    physics = part_from("physics", config.physics, "physics")
+    physics = make_part("physics", config.physics, "physics")
     if physics.name != name:
-        physics = part_from("physics", _physics(name), "physics")
+        physics = make_part("physics", _physics(name), "physics")
     is_usual = config.maze.get("name") in [change.get("maze") for change in config.change.values()]
     maze = named("maze", T_MAZE, [data_folder("conf")])["maze"] if is_usual else config.maze
     values = {
@@ -258,7 +258,7 @@ def training_world(config: WorldConfig, evolved_in: str = "") -> Scenario:
         "maze": maze,
     }
     cfg = OmegaConf.merge({"scenario": OmegaConf.structured(ScenarioConfig)}, values)
-    world = scenario_from(OmegaConf.to_object(cfg.scenario), maze, config.robot)
+    world = make_scenario(OmegaConf.to_object(cfg.scenario), maze, config.robot)
     return replace(world, physics=physics)
 
 

@@ -18,7 +18,7 @@ from omegaconf.errors import OmegaConfBaseException
 from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.config import build
 from epuckhebb.config.errors import explain
-from epuckhebb.config.parts import Layers, part_from
+from epuckhebb.config.parts import Layers, make_part
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.control import Control
 from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, Rule
@@ -86,7 +86,7 @@ def dump(config: Checked) -> str:
 
 # A scenario has the keys of `Scenario`, but for other groups, and for what only changes during a lifetime set.
 _NO_KEYS = ("maze", "robot", "task", "fitness", "physics", "lamp_on", "placed", "rate", "put", "reset")
-_LOOSE = {  # what may be given in several forms, which `scenario_from` checks: type and default
+_LOOSE = {  # what may be given in several forms, which `make_scenario` checks: type and default
     "name": (str, ""),
     "goals": (Any, None),
     "second_lamp": (Any, None),
@@ -96,7 +96,7 @@ _LOOSE = {  # what may be given in several forms, which `scenario_from` checks: 
 }
 
 
-def _key_of(known: Field[Any]) -> tuple[str, Any, Any]:
+def _make_key(known: Field[Any]) -> tuple[str, Any, Any]:
     usual = known.type, known.default_factory if known.default is MISSING else known.default
     kind, default = _LOOSE.get(known.name, usual)
     return known.name, kind, field(default_factory=default) if callable(default) else field(default=default)
@@ -105,7 +105,7 @@ def _key_of(known: Field[Any]) -> tuple[str, Any, Any]:
 if TYPE_CHECKING:
     ScenarioConfig = Any
 else:
-    keys = [_key_of(known) for known in fields(Scenario) if known.name not in _NO_KEYS]
+    keys = [_make_key(known) for known in fields(Scenario) if known.name not in _NO_KEYS]
     keys.append(("start", Any, field(default=None)))  # of the maze, as this scenario has it
     ScenarioConfig = make_dataclass("ScenarioConfig", keys, kw_only=True, namespace={"__module__": __name__})
 
@@ -147,14 +147,14 @@ class WorldConfig(Checked):
     def __post_init__(self) -> None:
         """Validate the settings."""
         check(self)
-        self.world = build.scenario_from(self.scenario, self.maze, self.robot, self.task, self.fitness, self.physics)
+        self.world = build.make_scenario(self.scenario, self.maze, self.robot, self.task, self.fitness, self.physics)
         self.world.fitness.check_world(IN_MAZE)
-        made = part_from("wiring", self.network, "network")
+        made = make_part("wiring", self.network, "network")
         self.shape = made.layers if isinstance(made, Layers) else made
         self.wiring = self.shape if isinstance(self.shape, Wiring) else None
-        self.network_made = build.network_for(self.world, self.shape)
+        self.network_made = build.make_network(self.world, self.shape)
         self.world.check_lifetime(self.lifetime)
-        self.rule = build.rule_from(self.hebbian, "hebbian")
+        self.rule = build.make_rule(self.hebbian, "hebbian")
 
 
 @dataclass(kw_only=True)
@@ -194,7 +194,7 @@ class Evolves(Checked):
         if self.rule.control is not Control.none or self.rule.sign_draw:
             given = f"hebbian.control={self.rule.control.name} and hebbian.sign_draw={self.rule.sign_draw}"
             raise ValueError(f"{given} are for evaluate; in evolution there are none and 0: the seed draws the signs")
-        self.algorithm = build.optimizer_from(self.optimizer, self.ga)
+        self.algorithm = build.make_optimizer(self.optimizer, self.ga)
         self.schedule = self.algorithm.schedule(training, lifetime)
         self.plan = evolved_plan(self.network_made, self.rule, given=self.genome is not None)
         self.algorithm.check(self.plan)
@@ -214,13 +214,13 @@ class EvaluateConfig(Evaluates, WorldConfig):
     def __post_init__(self) -> None:
         """Validate the settings."""
         super().__post_init__()
-        self.adaptation = build.with_signal(self.adaptation)
+        self.adaptation = build.resolve_signal(self.adaptation)
         self.use(self.rule, self.hebbian.get("name"))
 
     def use(self, rule: Rule, called: str | None = None) -> None:
         """Let controllers learn by a rule. called: its name in tables; that of its class unless given."""
-        self.rule, main = rule, build.controller_of(rule, self.adaptation, called)
-        self.controllers = self.compared(main, build.with_controls(main, self.world.task), self.scenario.paper_N)
+        self.rule, main = rule, build.make_controller(rule, self.adaptation, called)
+        self.controllers = self.compared(main, build.add_controls(main, self.world.task), self.scenario.paper_N)
         for controller in self.controllers:
             controller.check(self.world, self.lifetime.duration_s, self.wiring)
 
@@ -245,7 +245,7 @@ class EvolveConfig(Evolves, WorldConfig):
 
     def use(self, rule: Rule, called: str | None = None) -> None:
         """Let controllers learn by a rule. called: its name in tables; that of its class unless given."""
-        self.rule, self.controller = rule, build.controller_of(rule, Adaptation(), called)
+        self.rule, self.controller = rule, build.make_controller(rule, Adaptation(), called)
         self.controller.check(self.world, self.lifetime.duration_s, self.wiring)
         self.controllers = [self.controller, *[GA_ALONE] * self.training.rule_off]
         if self.rule.carries_history:
@@ -265,7 +265,7 @@ class EvolveConfig(Evolves, WorldConfig):
 SCHEMAS: dict[str, Any] = {schema.command: schema for schema in (EvaluateConfig, EvolveConfig)}
 
 
-def schema_of(command: str, values: Plain) -> Any:
+def find_schema(command: str, values: Plain) -> Any:
     """The schema of the plain values of a run of `evolve` or `evaluate`: in the maze, or in an environment."""
     return SCHEMAS[f"{command}_environment" if "environment" in values else command]
 
@@ -302,7 +302,7 @@ def typed(cfg: DictConfig, schema: type[Config]) -> Config:
     return config
 
 
-def from_values(values: Plain, schema: type[Config], source: str) -> Config:
+def make_config(values: Plain, schema: type[Config], source: str) -> Config:
     """The configuration of plain values, all names among them. source: where they come from, for messages."""
     with refusing(lambda error: f"{source} cannot be used: {explain(error)}", Exception):  # damaged ones may raise any
         cfg = OmegaConf.merge(_keys_of(cast(Any, schema)), literal(values) if "${" in str(values) else values)

@@ -42,7 +42,7 @@ def choice(folder: Path, group: str, name: str) -> Choice | None:
             raise ConfigError(f"{folder / conf.TABLES[group]}: {name} must be settings, got {settings}")
     else:
         return None
-    return Choice(_of_whole(name, settings), ROOT) if group == "change" else Choice(settings, package)
+    return Choice(_whole_settings(name, settings), ROOT) if group == "change" else Choice(settings, package)
 
 
 def _is_own_rule(group: str, name: str) -> bool:
@@ -50,7 +50,7 @@ def _is_own_rule(group: str, name: str) -> bool:
     return group == RULES and ".py:" in name
 
 
-def _of_whole(name: str, row: Mapping[str, Any]) -> dict[str, Any]:
+def _whole_settings(name: str, row: Mapping[str, Any]) -> dict[str, Any]:
     """A change of the world as settings of the whole configuration."""
     overrides = [{f"override /{group}@{ROOT}.{group}": str(row[group])} for group in BROUGHT if group in row]
     scenario = {key: value for key, value in row.items() if key not in BROUGHT}
@@ -107,7 +107,7 @@ def merge(settings: dict[str, Any], others: Mapping[str, Any]) -> None:
             settings[key] = value
 
 
-def folders_of(runtime: Any) -> list[Path]:
+def search_folders(runtime: Any) -> list[Path]:
     """The folders in which Hydra looks for choices, in turn, from what it notes of a composition."""
     sources = OmegaConf.to_container(runtime.config_sources, resolve=False)  # a `${` in a folder's name is only that
     return [Path(one["path"]) for one in cast(Any, sources) if one["schema"] in ("file", Choices.scheme())]

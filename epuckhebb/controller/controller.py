@@ -16,21 +16,21 @@ from numpy.typing import ArrayLike, NDArray
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.errors import PartError, explained
-from epuckhebb.controller.compiling.kernel import SameTypes, compiled, kernel, with_parts
-from epuckhebb.controller.compiling.readonly import readonly, with_arrays
-from epuckhebb.controller.genome import plan_of
+from epuckhebb.controller.compiling.kernel import SameTypes, bind_parts, compiled, kernel
+from epuckhebb.controller.compiling.readonly import map_arrays, readonly
+from epuckhebb.controller.genome import make_plan
 from epuckhebb.controller.genotype import Genotype, initial_states
 from epuckhebb.controller.network import PAPER_NETWORK, Network
-from epuckhebb.controller.own_class import own_of, stored
+from epuckhebb.controller.own_class import stored, user_classes
 from epuckhebb.controller.plasticity.control import Control
 from epuckhebb.controller.plasticity.control import signs as signs_of
-from epuckhebb.controller.plasticity.rule import NO_RULE, Rule, Schedule, bound_of, schedule_of
+from epuckhebb.controller.plasticity.rule import NO_RULE, Rule, Schedule, make_schedule, weight_bound
 from epuckhebb.controller.plasticity.update import (
     StepContext,
     Workspace,
     controller_parts,
     effective_rate,
-    workspace_for,
+    make_workspace,
 )
 from epuckhebb.controller.plasticity.weight_change import saturated_fraction
 from epuckhebb.controller.random import Stream, rng
@@ -106,10 +106,10 @@ def _step(
 def step_parts(rule: type[Rule], network: Network, schedule: Schedule) -> dict[str, Any]:
     """The two halves of a step, `decide(state)` and `update(state, ..)`, for a rule and a network."""
     parts = controller_parts(rule, network, schedule)
-    return {"decide": compiled(with_parts(_decide, parts)), "update": compiled(with_parts(_update, parts))}
+    return {"decide": compiled(bind_parts(_decide, parts)), "update": compiled(bind_parts(_update, parts))}
 
 
-def _kernel_of(rule: type[Rule], network: Network, schedule: Schedule) -> Any:
+def _load_step(rule: type[Rule], network: Network, schedule: Schedule) -> Any:
     """`_step` for a rule and a network, compiled or from the cache."""
     values = rule, network, schedule
     if values not in _kernels:
@@ -146,12 +146,12 @@ class Controller:
             raise ValueError(
                 f"control={rule.control.name} is for the lifetimes of `run_lifetimes`; here it must be none"
             )
-        self._plan = plan_of(network, type(rule))
+        self._plan = make_plan(network, type(rule))
         if signs is None:
             signs = signs_of(rule.sign, network.synapses, rng(rule.sign_draw, Stream.shuffled_signs))
         self._signs = signs
-        self._kernel = _kernel_of(type(rule), network, schedule_of(rule))
-        self._workspace = workspace_for(network)
+        self._kernel = _load_step(type(rule), network, make_schedule(rule))
+        self._workspace = make_workspace(network)
         self.reset()
 
     def reset(self, seed: int = 0) -> None:
@@ -169,7 +169,7 @@ class Controller:
             gain_rad_s=_NO_GAIN,
             step_s=self.step_s,
         )
-        state = {name: with_arrays(value, lambda array: array[0].copy()) for name, value in states.items()}
+        state = {name: map_arrays(value, lambda array: array[0].copy()) for name, value in states.items()}
         genotype = state.pop("genotype")._replace(synapse_state=synapse_state, signs=self._signs)
         recent = np.zeros((rule.average, network.neurons))
         self.state = State(readonly(genotype), **state, recent=recent, tally=np.zeros(2), workspace=self._workspace)
@@ -202,7 +202,7 @@ class Controller:
         try:
             self._kernel.call(self.state, *arguments, decides, learns)
         except Exception as error:  # machine code raises nothing, so it comes from compiling
-            raise explained(own_of([self.rule, self.network.wiring]), error) from error
+            raise explained(user_classes([self.rule, self.network.wiring]), error) from error
         self.steps += learns
 
     @property
@@ -218,7 +218,7 @@ class Controller:
     @property
     def saturated_fraction(self) -> float:
         """The share of the weights at their bound; 0 without a rule."""
-        return float(saturated_fraction(self.weights, bound_of(self.rule)))
+        return float(saturated_fraction(self.weights, weight_bound(self.rule)))
 
     def check(self) -> None:
         """Refuse weights or activations that are no numbers, a PartError: such a lifetime means nothing."""

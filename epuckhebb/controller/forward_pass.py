@@ -13,7 +13,7 @@ from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled, in_turn, written
 from epuckhebb.controller.compiling.simd import WIDTH, alike, plus, read, times, write
 from epuckhebb.controller.network import GivenOutputs, Network, tanh
-from epuckhebb.controller.own_class import number_of
+from epuckhebb.controller.own_class import make_number_call
 from epuckhebb.controller.wiring import OF_NEURON
 
 
@@ -63,7 +63,7 @@ def _responder(network: Network) -> Callable[..., None]:
         kind = type(network.wiring)
         evolved = {name: f"neurons.parameters[{row}, j - first]" for row, name in enumerate(kind.evolved)}
         how, arguments = {**OF_NEURON, **evolved}, "j, first, drive, activation, neurons"
-        of_one = number_of(kind, kind.neuron, kind.arguments("neuron"), how, arguments, "neurons.numbers")
+        of_one = make_number_call(kind, kind.neuron, kind.arguments("neuron"), how, arguments, "neurons.numbers")
 
     @compiled
     def respond(begin: int, end: int, drive: Floats, activation: Floats, neurons: Any) -> None:

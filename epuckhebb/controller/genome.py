@@ -7,7 +7,7 @@ import numpy as np
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.network import Network
-from epuckhebb.controller.plasticity.rule import NoRule, Rule, evolved_by, evolved_sizes
+from epuckhebb.controller.plasticity.rule import NoRule, Rule, evolvable_parameters, evolved_sizes
 
 WEIGHTS = "weights"
 NEURON = "neuron."  # before the names of the parameters of neurons, in a wiring
@@ -58,12 +58,12 @@ class GenomePlan:
         return np.concatenate([parts[part.name] for part in wanted.parts], axis=-1)
 
     @property
-    def of_rule(self) -> "GenomePlan":
+    def rule_parts(self) -> "GenomePlan":
         """The parts that are parameters of a rule: all but those of the network."""
-        return GenomePlan(tuple(part for part in self.parts if part not in self.of_network.parts))
+        return GenomePlan(tuple(part for part in self.parts if part not in self.network_parts.parts))
 
     @property
-    def of_network(self) -> "GenomePlan":
+    def network_parts(self) -> "GenomePlan":
         """The parts that are the network: its weights, and the parameters of its neurons."""
         parts = (part for part in self.parts if part.name == WEIGHTS or part.name.startswith(NEURON))
         return GenomePlan(tuple(parts))
@@ -73,9 +73,9 @@ class GenomePlan:
         return ", ".join(f"{part.size} {part.name}" for part in self.parts)
 
 
-def plan_of(network: Network, rule: type[Rule] = NoRule) -> GenomePlan:
+def make_plan(network: Network, rule: type[Rule] = NoRule) -> GenomePlan:
     """The genome of a network, and of a rule whose parameters are evolved."""
-    parts, evolved = [Part(WEIGHTS, network.synapses)], evolved_by(rule, network)
+    parts, evolved = [Part(WEIGHTS, network.synapses)], evolvable_parameters(rule, network)
     if network.wiring is not None:
         for name, size in network.wiring.parameter_sizes().items():
             own = network.wiring.evolved[name]

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.compiling.readonly import with_arrays
+from epuckhebb.controller.compiling.readonly import map_arrays
 from epuckhebb.controller.genome import NEURON, WEIGHTS, GenomePlan
-from epuckhebb.controller.network import Network, initial_weights_of
+from epuckhebb.controller.network import Network, starting_weights
 from epuckhebb.controller.plasticity.rule import (
     INITIAL_RANGE,
     InitialWeights,
@@ -57,11 +57,11 @@ def initial_states(
     (lifetimes, genes). keys: of random initial weights. gain_rad_s, step_s: as a wiring has them.
     """
     kind, wiring, parts = type(rule), network.wiring, plan.split(np.ascontiguousarray(genes, float))
-    inherited, neurons = parts[WEIGHTS], with_arrays(NO_NEURONS, lambda array: array[None])
+    inherited, neurons = parts[WEIGHTS], map_arrays(NO_NEURONS, lambda array: array[None])
     if rule.initial_weights is InitialWeights.random:
         drawn = [rng(key, Stream.initial_weights) for key in keys]
         inherited = np.array([one.uniform(-INITIAL_RANGE, INITIAL_RANGE, network.synapses) for one in drawn])
-    weights = initial_weights_of(inherited)
+    weights = starting_weights(inherited)
     different = range(len(genes) if len(plan.parts) > 1 else 1)
     values = [values_of(kind, network, {name: part[k] for name, part in parts.items()}) for k in different]
     if wiring is not None:

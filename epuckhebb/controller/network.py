@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled
 from epuckhebb.controller.compiling.simd import WIDTH, whole
-from epuckhebb.controller.wiring import MOST_SYNAPSES, Wiring, blocks_of
+from epuckhebb.controller.wiring import MOST_SYNAPSES, Wiring, find_blocks
 
 WEIGHT_LIMIT = 2.0  # weights are loaded clipped to +-2, the bound of plasticity in the paper
 HIDDEN = (7, 5, 8, 4)  # the paper's hidden layers
@@ -88,7 +88,7 @@ class Network:
         Of a wiring, each block of synapses that join all of one row of neurons with all of another.
         """
         if self.wiring is not None:
-            return blocks_of(*self.joined, self.first_neuron)
+            return find_blocks(*self.joined, self.first_neuron)
         return [
             (self.first_neuron[k], self.first_neuron[k + 1], self.first_synapse[k], *shape)
             for k, shape in enumerate(self.shapes)
@@ -155,7 +155,7 @@ class GivenOutputs(Network):
     """No network: what decides from outside writes the outputs into the first weights."""
 
 
-def initial_weights_of(weights: Floats) -> Floats:
+def starting_weights(weights: Floats) -> Floats:
     """The weights at the start of a lifetime: a copy of the inherited ones, clipped to +-2."""
     return np.minimum(np.maximum(weights, -WEIGHT_LIMIT), WEIGHT_LIMIT)  # np.clip takes three times as long
 
@@ -187,7 +187,7 @@ def decayed(value: float, step_s: float, time_s: float) -> float:
     return left if abs(left) > 1e-100 else 0.0
 
 
-def by_layer(network: Network, values: Floats) -> list[Floats]:
+def split_layers(network: Network, values: Floats) -> list[Floats]:
     """Numbers of all synapses, (..., synapses), as one (..., presynaptic, postsynaptic) array for each layer."""
     bounds = [*network.first_synapse, network.synapses]
     return [

@@ -19,7 +19,7 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from epuckhebb.controller.compiling.errors import MUST_GIVE_A_NUMBER, failed
-from epuckhebb.controller.compiling.kernel import BUILDING_BLOCK, compiled, compiled_checked, in_module, written
+from epuckhebb.controller.compiling.kernel import BUILDING_BLOCK, compiled, compiled_checked, move_to_module, written
 from epuckhebb.controller.compiling.readonly import readonly
 from epuckhebb.controller.evolved import Evolved
 from epuckhebb.controller.ranges import check
@@ -81,7 +81,7 @@ class OwnClass:
             values = getattr(cls, name, {})
             if not isinstance(values, Mapping) or not all(isinstance(one, Evolved) for one in values.values()):
                 raise ValueError(f"{cls.what()}: {name} must be a mapping of names to Evolved(...), got {values!r}")
-        base = base_of(cls)
+        base = part_base(cls)
         given = [name for name in cls.METHODS if getattr(cls, name, None) is not getattr(base, name, None)]
         if cls.METHODS and not given:
             raise ValueError(f"{cls.what()} needs a method `{'` or `'.join(cls.METHODS)}`")
@@ -109,26 +109,26 @@ def calling(what: str) -> Iterator[None]:
         raise failed(what, reason) from reason
 
 
-def names_in(package: ModuleType) -> list[str]:
+def part_names(package: ModuleType) -> list[str]:
     """The program's parts of a kind: the files of its package."""
     return sorted(file.name for file in pkgutil.iter_modules(package.__path__))
 
 
-def class_in(package: ModuleType, name: str) -> Any:
+def load_class(package: ModuleType, name: str) -> Any:
     """The class of one of them."""
     module = importlib.import_module(f"{package.__name__}.{name}")
     classes = [one for one in vars(module).values() if isinstance(one, type) and issubclass(one, OwnClass)]
     return next(one for one in classes if one.__module__ == module.__name__)
 
 
-def base_of(kind: type[OwnClass]) -> type[OwnClass]:
+def part_base(kind: type[OwnClass]) -> type[OwnClass]:
     """The class of all parts of a kind."""
     return kind.__mro__[kind.__mro__.index(OwnClass) - 1]
 
 
 def name_of(kind: type[OwnClass]) -> str:
     """What a class is called: as its file, if it is one of the program, or else as itself."""
-    is_file = not is_own(kind) and kind.__module__ != base_of(kind).__module__
+    is_file = not is_own(kind) and kind.__module__ != part_base(kind).__module__
     return kind.__module__.rpartition(".")[2] if is_file else kind.__name__
 
 
@@ -137,7 +137,7 @@ def is_own(kind: type[OwnClass]) -> bool:
     return kind.__module__.partition(".")[0] != __name__.partition(".")[0]
 
 
-def own_of(parts: Iterable[object]) -> list[type[OwnClass]]:
+def user_classes(parts: Iterable[object]) -> list[type[OwnClass]]:
     """The classes of those parts, or of these classes, that are the user's own."""
     kinds = [part if isinstance(part, type) else type(part) for part in parts]
     return [kind for kind in kinds if issubclass(kind, OwnClass) and is_own(kind)]
@@ -189,10 +189,10 @@ def _is_foreign(function: Any) -> bool:
 
 def building_block(function: Any) -> Any:
     """A method as a building block; one of the user's checks the bounds of arrays."""
-    return (compiled_checked if _is_foreign(function) else compiled)(in_module(function, __name__))
+    return (compiled_checked if _is_foreign(function) else compiled)(move_to_module(function, __name__))
 
 
-def call_of(function: Any, names: Collection[str], how: Mapping[str, str], given: str, **parts: Any) -> Any:
+def make_call(function: Any, names: Collection[str], how: Mapping[str, str], given: str, **parts: Any) -> Any:
     """A building block with the arguments `given`, which calls a static method of a user's.
 
     Only what the method has as arguments is computed, so the call is written when these are known. It may write into
@@ -206,9 +206,9 @@ def call_of(function: Any, names: Collection[str], how: Mapping[str, str], given
     return written(given, call, {"function": building_block(function), "readonly": readonly, "math": math, **parts})
 
 
-def number_of(
+def make_number_call(
     kind: type[OwnClass], function: Any, names: Collection[str], how: Mapping[str, str], given: str, numbers: str
 ) -> Any:
     """A building block that calls a method which gives a number; its `by` are settings. numbers: where these are."""
-    parts = {"call": call_of(function, names, how, f"{given}, by"), "By": namedtuple_of("By", kind.settings())}
+    parts = {"call": make_call(function, names, how, f"{given}, by"), "By": namedtuple_of("By", kind.settings())}
     return written(given, f"number(call({given}, By(*{numbers})))", {**parts, "number": number})

@@ -147,7 +147,7 @@ class Wiring(OwnClass):
         return np.ascontiguousarray(pre), np.ascontiguousarray(post)
 
 
-def blocks_of(pre: NDArray[np.int64], post: NDArray[np.int64], begins: Sequence[int]) -> list[tuple[int, ...]]:
+def find_blocks(pre: NDArray[np.int64], post: NDArray[np.int64], begins: Sequence[int]) -> list[tuple[int, ...]]:
     """The blocks of a list of synapses, in its order, where all of one row of neurons meet all of another.
 
     Each is its first presynaptic and postsynaptic neuron, first synapse, and how many rows and columns it has. begins:

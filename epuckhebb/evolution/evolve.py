@@ -13,7 +13,7 @@ import numpy as np
 
 from epuckhebb.controller import random
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.genome import GenomePlan, plan_of
+from epuckhebb.controller.genome import GenomePlan, make_plan
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import name_of
 from epuckhebb.controller.plasticity.control import signs
@@ -147,10 +147,10 @@ def complete_genomes(evolved: Floats, network: Network, rule: Rule, given: Float
 
 def evolved_plan(network: Network, rule: Rule, *, given: bool = False) -> GenomePlan:
     """The parts of the genome that are evolved: all, or those of the rule if the network is given or begins random."""
-    plan = plan_of(network, type(rule))
+    plan = make_plan(network, type(rule))
     if not given and rule.initial_weights is InitialWeights.evolved:
         return plan
-    evolved = plan.of_rule if given else GenomePlan(plan.parts[1:])
+    evolved = plan.rule_parts if given else GenomePlan(plan.parts[1:])
     if not evolved.parts:
         why = "the weights are given" if given else "the initial weights are random"
         has = "there is no rule" if isinstance(rule, NoRule) else f"rule {name_of(type(rule))} has nothing to evolve"
@@ -233,9 +233,9 @@ class MazeEvaluator(NamedTuple):
         """
         if not self.training.rule_off:
             return None
-        plan = plan_of(self.network, type(self.controller.rule))
+        plan = make_plan(self.network, type(self.controller.rule))
         own = self._replace(training=replace(self.training, lamarckian=False))
-        pairs = (own, genes), (own._replace(controller=GA_ALONE), plan.pick(genes, plan.of_network))
+        pairs = (own, genes), (own._replace(controller=GA_ALONE), plan.pick(genes, plan.network_parts))
         fresh = generation + 2 * (self.training.season or 1) * _NEVER  # is in the same season
         with_rule, without = (float(one.evaluate(some[None], fresh)[0][0]) for one, some in pairs)
         return with_rule, without

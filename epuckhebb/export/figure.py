@@ -9,7 +9,7 @@ from epuckhebb.analysis.figures import maze, trajectories
 from epuckhebb.analysis.image import KINDS, image
 from epuckhebb.export import FIGURES
 from epuckhebb.export.replay import recording
-from epuckhebb.runs import config_of, figures
+from epuckhebb.runs import figures, run_settings
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Run, load_genome, multirun_runs, write_atomic
 from epuckhebb.studies import sweep
@@ -21,12 +21,12 @@ def _draw_run(run: Run, name: str) -> Figure:
     """A figure of one run."""
     if name == "reversal":
         shares, trials = run.table("reversal.csv"), run.table("reversal_trials.csv")
-        return figures.reversal(config_of(run, "evaluate"), run.provenance["genome"], shares, trials)
+        return figures.reversal(run_settings(run, "evaluate"), run.provenance["genome"], shares, trials)
     if name == "lifetime":
-        return figures.lifetime(config_of(run, "evaluate"), run.provenance["genome"], run.table("lifetime.csv"))
+        return figures.lifetime(run_settings(run, "evaluate"), run.provenance["genome"], run.table("lifetime.csv"))
     if name == "learning":
         optimizer = load_genome(str(run.path), "").optimizer  # an own one is not loaded with the settings
-        return figures.learning(config_of(run, "evolve"), optimizer, run.table("history.csv"))
+        return figures.learning(run_settings(run, "evolve"), optimizer, run.table("history.csv"))
     shown = recording(run.path)
     traces, world = shown.traces, shown.config.world
     if name == "trajectories":

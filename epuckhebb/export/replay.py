@@ -11,7 +11,7 @@ from epuckhebb.analysis import replay as pages
 from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.config import EvaluateConfig
 from epuckhebb.controller.network import Network
-from epuckhebb.runs import caption, config_of, prepare_evaluation
+from epuckhebb.runs import caption, prepare_evaluation, run_settings
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Run, read_traces, write_atomic
 from epuckhebb.studies.flock import replay_page
@@ -35,7 +35,7 @@ def recording(path: Path) -> Recording:
     facts = run.provenance
     if facts["command"] != "evaluate":
         raise ConfigError(f"{path} records no lifetimes; give a run of evaluate, as of: evaluate genome={path}")
-    config = config_of(run, "evaluate")
+    config = run_settings(run, "evaluate")
     if config.lifetime.record_every == 0:
         raise ConfigError(f"{path} recorded nothing to replay; run it again with lifetime.record_every=8")
     metrics = run.table("metrics.csv")
@@ -53,7 +53,7 @@ def replay(run: Path, page: Path | None = None, gif: Path | None = None) -> list
         if page is not None:
             raise ConfigError("a run in an environment is replayed as a GIF; give --gif FILE, or neither of both")
         gif = gif or run / "replay.gif"
-        prepared = prepare_evaluation(config_of(Run(run), "evaluate"))
+        prepared = prepare_evaluation(run_settings(Run(run), "evaluate"))
         film = prepared.world.film(prepared.genome)
         assert film is not None  # an environment draws itself
         write_atomic(gif, film)

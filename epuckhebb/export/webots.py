@@ -13,10 +13,10 @@ import numpy as np
 
 from epuckhebb.config import EvaluateConfig, load
 from epuckhebb.controller.plasticity.control import Control, Sign
-from epuckhebb.controller.plasticity.rule import EVERY_STEP, InitialWeights, schedule_of
+from epuckhebb.controller.plasticity.rule import EVERY_STEP, InitialWeights, make_schedule
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.controller.wiring import LAYERS
-from epuckhebb.runs import config_of
+from epuckhebb.runs import run_settings
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Genome, Run, load_genome, resolve_run, write_atomic
 from epuckhebb.tmaze.fitness import initial_history
@@ -117,7 +117,7 @@ def _genome_and_config(what: str) -> tuple[Genome, EvaluateConfig]:
     path = resolve_run(what)
     run = Run(path)
     if path.is_dir() and run.provenance["command"] == "evaluate":
-        config = config_of(run, "evaluate")
+        config = run_settings(run, "evaluate")
         if not isinstance(config, EvaluateConfig):
             raise ConfigError(f"{path} is of an environment; controllers for Webots are those of the maze")
         genome = load_genome(config.genome, config.world.experiment, config.shape)
@@ -156,7 +156,7 @@ def _rule(controller: Controller) -> dict[str, Any]:
     """The settings of the rule, which must be the paper's without an adaptation."""
     rule = controller.rule
     as_in_paper = rule.sign is Sign.hebbian and rule.initial_weights is InitialWeights.evolved and not rule.N_gain_rad_s
-    as_in_paper = as_in_paper and schedule_of(rule) == EVERY_STEP and not rule.carries_history
+    as_in_paper = as_in_paper and make_schedule(rule) == EVERY_STEP and not rule.carries_history
     as_in_paper = as_in_paper and rule.control is Control.none
     if not isinstance(rule, Paper) or not as_in_paper or controller.adaptation.acts:
         needs = "hebbian.normalise=none, hebbian.average=1, hebbian.every=1, hebbian.carries_history=false"

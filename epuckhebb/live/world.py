@@ -12,10 +12,10 @@ from typing import Any
 
 from epuckhebb.analysis.evaluate import make_individuals
 from epuckhebb.config import EvaluateConfig, hand, load, quoted
-from epuckhebb.runs import compile_for, evaluate_into, hydra, prepare_evaluation
+from epuckhebb.runs import compile_kernels, evaluate_into, hydra, prepare_evaluation
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Run, write_atomic
-from epuckhebb.tmaze.changes import step_of
+from epuckhebb.tmaze.changes import first_step
 from epuckhebb.tmaze.individual import GA_ALONE, has_control
 from epuckhebb.tmaze.maze import SIDES, Side, added, gap
 from epuckhebb.tmaze.robot import STEP_S
@@ -54,7 +54,7 @@ class LiveWorld:
             raise ConfigError(f"scenario.hand={config.scenario.hand}: play writes such a file; evaluate repeats it")
         replace(config.world, changes=planned)  # it refuses what cannot be
         self.controllers = [GA_ALONE, *config.controllers]
-        compile_for(self.controllers, genome.network, config.world)
+        compile_kernels(self.controllers, genome.network, config.world)
         self.lifetime = replace(config.lifetime, record_every=1)
         wanted = [(number, self.side, 0) for number in range(len(self.controllers))]
         nominal, plan, network = prepared.world.nominal(genome, 1), genome.plan, genome.network
@@ -113,7 +113,7 @@ class LiveWorld:
     def run(self, steps: int) -> int:
         """Run so many steps of all robots, what was wished or planned for first; returns how many were run."""
         before = self.steps
-        while self._planned and (due := step_of(self._planned[0])) < before + steps:
+        while self._planned and (due := first_step(self._planned[0])) < before + steps:
             if due > self.steps:
                 self._run(due - self.steps)
             self.wish({key: value for key, value in self._planned.pop(0).items() if key != "at_s"})
@@ -124,7 +124,7 @@ class LiveWorld:
         """Make the change that was wished for, then run so many steps of all robots."""
         before = self.steps
         if self.wishes and not self.is_over:
-            planned = [one for one in self.config.world.changes if step_of(one) >= before]
+            planned = [one for one in self.config.world.changes if first_step(one) >= before]
             world = replace(self.scenario, changes=planned)
             for robot in self.robots:
                 if not robot.is_over:

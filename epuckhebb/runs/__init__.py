@@ -9,12 +9,12 @@ from epuckhebb.runs import hydra
 from epuckhebb.runs.begin import check_same
 from epuckhebb.runs.evaluate import (
     PreparedEvaluation,
-    as_evolved,
     check_rules,
     drawn,
     evaluate_into,
     evaluate_job,
-    genome_of,
+    inherit_choices,
+    make_genome,
     prepare_evaluation,
 )
 from epuckhebb.runs.evolve import (
@@ -27,6 +27,6 @@ from epuckhebb.runs.evolve import (
     settings_but_seed,
     settings_of,
 )
-from epuckhebb.runs.maze import compile_for
-from epuckhebb.runs.notes import caption, notes_of
-from epuckhebb.runs.rerun import config_of, repeat
+from epuckhebb.runs.maze import compile_kernels
+from epuckhebb.runs.notes import caption, evaluation_notes
+from epuckhebb.runs.rerun import repeat, run_settings

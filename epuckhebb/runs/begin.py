@@ -41,12 +41,12 @@ def check_same(path: Path, config: Checked, genome: Genome | None = None) -> Non
             was = f"{path} holds a run with {key}={before.get(key, '(none)')}"
             raise ConfigError(f"{was}, this call has {now.get(key, '(none)')}; choose another folder")
     facts = Run(path).provenance
-    check_own(path, own_files(config.values), facts)
+    check_user_files(path, own_files(config.values), facts)
     if genome is not None and genome.sha256 != facts.get("genome_sha256"):
         raise ConfigError(f"genome={genome.name} is not the genome of {path}: its SHA-256 is another")
 
 
-def check_own(path: Path, own: dict[Path, OwnFile], facts: dict[str, Any]) -> None:
+def check_user_files(path: Path, own: dict[Path, OwnFile], facts: dict[str, Any]) -> None:
     """Refuse to go on where a file of the user's has changed since. facts: the provenance of the run."""
     before = facts.get("own_code", {})
     for file, now in own.items():

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from epuckhebb.analysis.tables import Rows
-from epuckhebb.config import KINDS, Checked, alternatives, environment_of_run, quoted, typed_as, value_of
+from epuckhebb.config import KINDS, Checked, alternatives, environment_of_run, format_overrides, override_value, quoted
 from epuckhebb.controller.compiling.sources import own_code
-from epuckhebb.controller.genome import GenomePlan, plan_of
+from epuckhebb.controller.genome import GenomePlan, make_plan
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import name_of
 from epuckhebb.controller.plasticity.control import Control
@@ -20,7 +20,7 @@ from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, Rule, e
 from epuckhebb.runs import hydra
 from epuckhebb.runs.begin import begin
 from epuckhebb.runs.hydra import Report, unreported
-from epuckhebb.runs.world import world_of
+from epuckhebb.runs.world import make_world
 from epuckhebb.runtime import LATEST, ConfigError, data_folder
 from epuckhebb.store import Genome, Run, RunFolder, checked_genes, digest, list_runs, load_genome, resolve_run, shaped
 from epuckhebb.tmaze.individual import GA_ALONE
@@ -39,7 +39,7 @@ class PreparedEvaluation:
     @property
     def world(self) -> World:
         """The world in which the lifetimes run."""
-        return world_of(self.config)
+        return make_world(self.config)
 
     def run(self, threads: int, *, record: bool = True) -> tuple[Rows, Any]:
         """Run the lifetimes: a row each, and what else was recorded, if any is."""
@@ -59,7 +59,7 @@ class PreparedEvaluation:
 
 def check_rules(genome: Genome, network: Network, rules: Iterable[tuple[str, Rule]]) -> None:
     """Refuse rules, each with the name of its controller, that do not fit the genome, or the signs that it keeps."""
-    _check_limits(genome, plan_of(network))
+    _check_limits(genome, make_plan(network))
     sizes = {part.name: part.size for part in genome.plan.parts}
     initial_weights = InitialWeights.evolved if genome.weights.any() else InitialWeights.random
     for name, rule in rules:
@@ -68,11 +68,11 @@ def check_rules(genome: Genome, network: Network, rules: Iterable[tuple[str, Rul
             continue
         missing = [name for name, size in evolved_sizes(kind, network).items() if sizes.get(name) != size]
         is_other = genome.rule not in ("", name_of(kind)) or rule.initial_weights is not initial_weights
-        if missing or (genome.plan.of_rule.parts and is_other):
+        if missing or (genome.plan.rule_parts.parts and is_other):
             evolved = f"rule {genome.rule or 'none'} with hebbian.initial_weights={initial_weights.name}"
             has = f"genome={genome.name} has {genome.plan.text()}, of {evolved}"
             raise ConfigError(f"{name} has rule {name_of(kind)}, and {has}")
-        _check_limits(genome, plan_of(network, kind))
+        _check_limits(genome, make_plan(network, kind))
         if rule.sign_draw and rule.control is Control.none and genome.signs is not None:
             evolved = f"genome={genome.name} keeps the shuffled signs with which it evolved"
             raise ConfigError(f"{evolved}: hebbian.sign_draw of {name} must be 0, got {rule.sign_draw}")
@@ -88,7 +88,7 @@ def _check_limits(genome: Genome, plan: GenomePlan) -> None:
 
 def prepare_evaluation(config: Any, genome: Genome | None = None) -> PreparedEvaluation:
     """Check that a genome, the one that the settings name unless given, fits the world, the network and the rules."""
-    world = world_of(config)
+    world = make_world(config)
     if genome is None:
         genome = load_genome(config.genome, config.world.experiment, config.shape)
     world.check_genome(genome)
@@ -102,25 +102,25 @@ def evaluate_job(job: hydra.Job) -> None:
     evaluate_into(*words, threads=job.threads, is_many=job.in_multirun, report=job.report)
 
 
-def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:
+def inherit_choices(words: list[str], config_dir: str | None = None) -> list[str]:
     """Overrides with the robot and the wiring that their champion was evolved for, unless they name one.
 
     A robot that has no file, a wiring of the user's own, and champions of several are left to `prepare_evaluation`.
     """
     named = [word for word in words if word.startswith("genome=")]
-    if environment := [value_of(word) for word in words if word.startswith("environment=")]:
+    if environment := [override_value(word) for word in words if word.startswith("environment=")]:
         is_given = named or environment[-1] == "tmaze"
-        ids = [value_of(word) for word in words if word.startswith("environment.id=")]
+        ids = [override_value(word) for word in words if word.startswith("environment.id=")]
         return words if is_given else [*words, f"genome={quoted(str(_latest_in([*environment, *ids][-1])))}"]
     if not named:
         return words
     (words_of,) = alternatives(named[-1:]).values()
-    if evolution := environment_of_run(value_of(words_of[0])):
+    if evolution := environment_of_run(override_value(words_of[0])):
         return [*words, f"environment={evolution['environment']['name']}"]
     genomes: list[Genome] = []
     for word in words_of:
         with suppress(ConfigError):  # one that cannot be read is reported later
-            genomes.append(load_genome(value_of(word), next(iter(TRAINED))))
+            genomes.append(load_genome(override_value(word), next(iter(TRAINED))))
     if len(genomes) < len(words_of):
         return words
     keys = {word.lstrip("+~").partition("=")[0] for word in words}
@@ -133,7 +133,7 @@ def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:
     if several or not settings or wiring not in KINDS["wiring"].names or keys & {"network", "network.wiring"}:
         return words
     own = {f"network.{key}": value for key, value in json.loads(settings).items() if f"network.{key}" not in keys}
-    return [*words, f"network.wiring={wiring}", *typed_as(own)]
+    return [*words, f"network.wiring={wiring}", *format_overrides(own)]
 
 
 def _latest_in(environment: str) -> Path:
@@ -145,7 +145,7 @@ def _latest_in(environment: str) -> Path:
     return resolve_run(LATEST, "evolve")
 
 
-def genome_of(genes: Any, config: Any) -> Genome:
+def make_genome(genes: Any, config: Any) -> Genome:
     """A genome from Python, for the network of some settings.
 
     An array has the parameters of their rules, or none.
@@ -153,7 +153,7 @@ def genome_of(genes: Any, config: Any) -> Genome:
     if isinstance(genes, Genome):
         return replace(genes, network=shaped(genes.network, genes.name, config.shape))
     network, array = config.network_made, np.asarray(genes)
-    plans = [plan_of(network), *(plan_of(network, type(controller.rule)) for controller in config.controllers)]
+    plans = [make_plan(network), *(make_plan(network, type(controller.rule)) for controller in config.controllers)]
     plan = next((plan for plan in plans if array.shape == (plan.genes,)), plans[0])
     return Genome(
         genes=checked_genes(array, "the given array", plan), name="genome", network=network, plan=plan, robot=""

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from epuckhebb.config import (
     EvolveConfig,
     dump,
-    from_values,
+    find_schema,
+    make_config,
     own_files,
-    schema_of,
     settings,
     values_of,
 )
-from epuckhebb.controller.genome import GenomePlan, plan_of
+from epuckhebb.controller.genome import GenomePlan, make_plan
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import name_of
 from epuckhebb.controller.plasticity.control import Sign
@@ -31,11 +31,11 @@ from epuckhebb.evolution.evolve import Generation, complete_genomes, evolve, tra
 from epuckhebb.evolution.optimizer import limits
 from epuckhebb.evolution.search import Results, Search, check_start
 from epuckhebb.runs import hydra
-from epuckhebb.runs.begin import begin, check_own
+from epuckhebb.runs.begin import begin, check_user_files
 from epuckhebb.runs.evaluate import draw
 from epuckhebb.runs.hydra import Report, unreported
-from epuckhebb.runs.world import world_of
-from epuckhebb.runtime import ConfigError, bar, conf, path_of, refusing, say, thread_count
+from epuckhebb.runs.world import make_world
+from epuckhebb.runtime import ConfigError, bar, conf, refusing, say, thread_count, user_path
 from epuckhebb.store import (
     CHAMPION,
     CHECKPOINT,
@@ -85,7 +85,7 @@ class PreparedEvolution:
     @property
     def world(self) -> World:
         """The world in which individuals are judged."""
-        return world_of(self.config)
+        return make_world(self.config)
 
     @property
     def start_text(self) -> str:
@@ -132,7 +132,7 @@ class PreparedEvolution:
 
     def network_genes(self, champion: NDArray[np.float64]) -> NDArray[np.float64]:
         """The genes of a champion that are its network, without those of a rule."""
-        return self.plan.pick(champion, self.plan.of_network)
+        return self.plan.pick(champion, self.plan.network_parts)
 
     def nominal(self, last: Generation, threads: int) -> Any:
         """What a champion remembers of its training world; None if there is nothing."""
@@ -164,8 +164,8 @@ def prepare_evolution(config: Any, *, has_genome: bool = True) -> PreparedEvolut
 
     has_genome: whether the genome that the settings name exists yet; else nothing is read.
     """
-    world, network = world_of(config), config.network_made
-    plan = plan_of(network, type(config.rule))
+    world, network = make_world(config), config.network_made
+    plan = make_plan(network, type(config.rule))
     given = _named("genome", config).network_genes if has_genome and config.genome is not None else None
     start = None
     if has_genome and config.start is not None:
@@ -185,7 +185,7 @@ def _named(key: str, config: Any) -> Genome:
     where = getattr(config, key)
     try:
         genome = load_genome(where, config.world.experiment, config.shape)
-        world_of(config).check_genome(genome)
+        make_world(config).check_genome(genome)
     except ConfigError as error:
         raise ConfigError(str(error).replace("genome=", f"{key}=", 1)) from error
     if genome.network != config.network_made:
@@ -197,7 +197,7 @@ def _named(key: str, config: Any) -> Genome:
 def _start_genes(first: Genome, config: Any) -> NDArray[np.float64]:
     """The genes at which evolution begins; what the champion has not, or of another rule, begins at 0."""
     plan, algorithm = config.plan, config.algorithm
-    own = first.plan if first.rule == name_of(type(config.rule)) else first.plan.of_network
+    own = first.plan if first.rule == name_of(type(config.rule)) else first.plan.network_parts
     genes = own.split(first.plan.pick(first.genes, own))
     start = np.concatenate([genes.get(part.name, np.zeros(part.size)) for part in plan.parts])
     limit = getattr(algorithm, "gene_limit", np.inf)
@@ -227,10 +227,10 @@ def evolve_into(
     run = begin(path, "evolve", config, overrides, {"seed": config.seed, **facts}, goes_on=is_many)
     if is_many and (path / CHECKPOINT).is_file():
         after = _checkpoint(path, prepared, config)
-    evolve_after(run, prepared, after, threads=threads, quiet=is_many, report=report)
+    continue_evolution(run, prepared, after, threads=threads, quiet=is_many, report=report)
 
 
-def evolve_after(
+def continue_evolution(
     run: RunFolder,
     prepared: PreparedEvolution,
     after: Checkpoint | None,
@@ -296,7 +296,7 @@ def settings_but_seed(values: Mapping[str, Any]) -> dict[str, Any]:
 
 def earlier_champions(path: Path, shares: Sequence[float]) -> Iterator[tuple[int, NDArray[np.float64]]]:
     """The champions of a whole evolution after shares of its generations, each with the robot-steps until then."""
-    config = from_values(settings(path / CONFIG), EvolveConfig, str(path / CONFIG))
+    config = make_config(settings(path / CONFIG), EvolveConfig, str(path / CONFIG))
     prepared, run = prepare_evolution(config), Run(path)
     last = _checkpoint(path, prepared, config)
     assert last is not None  # it is whole
@@ -312,23 +312,23 @@ def resume(arguments: list[str], report: Report = unreported) -> Path:
     changes = [argument for argument in arguments if not argument.startswith(RESUME)]
     if len(named) != 1 or not named[0]:
         raise ConfigError("resume=RUN names one run folder of `epuckhebb evolve`")
-    path = path_of(named[0], "resume")
+    path = user_path(named[0], "resume")
     run = Run(path)
     facts = run.provenance
     if facts["command"] != "evolve":
         raise ConfigError(f"resume={path} is a run of `epuckhebb {facts['command']}`; only evolutions can be resumed")
     values = settings(path / CONFIG)  # the checkpoint knows whether it fits
-    schema = schema_of("evolve", values)
-    before = from_values(values, schema, str(path / CONFIG))
+    schema = find_schema("evolve", values)
+    before = make_config(values, schema, str(path / CONFIG))
     own = own_files(values)
-    check_own(path, own, facts)
+    check_user_files(path, own, facts)
     changeable = _changeable(before)
     for key, value in values_of(changes).items():
         if key not in changeable:
             raise ConfigError(f"{key}={value} cannot be given with {RESUME}; only {', '.join(changeable)} can")
         group, _, last = key.rpartition(".")
         (values[group] if group else values)[last] = value
-    config = from_values(values, schema, f"resume={path}")
+    config = make_config(values, schema, f"resume={path}")
     prepared = prepare_evolution(config)
     prepared.compile()
     after = _checkpoint(path, prepared, before)
@@ -344,7 +344,7 @@ def resume(arguments: list[str], report: Report = unreported) -> Path:
         say("The program has changed since this evolution began; it may end otherwise than one that never stopped.")
     folder = RunFolder.resume(path, "evolve", dump(config), arguments, {"generations": done}, own)
     say(f"Resuming after {done} of {generations} generations.")
-    evolve_after(folder, prepared, after, threads=thread_count(config.threads), report=report)
+    continue_evolution(folder, prepared, after, threads=thread_count(config.threads), report=report)
     return path
 
 

@@ -21,7 +21,7 @@ from epuckhebb.analysis.tables import Rows, plain
 from epuckhebb.config import EnvironmentConfig, loaders
 from epuckhebb.controller import random
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.genome import plan_of
+from epuckhebb.controller.genome import make_plan
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.control import Sign, signs, signs_of_draw
 from epuckhebb.controller.plasticity.rule import NoRule, Rule
@@ -44,12 +44,12 @@ _READ_BY = (  # settings of an environment that a champion's file keeps
 _FRAMES, _FRAME_MS, _CHANGED = 200, 40, "#D55E00"  # of a film; around what is after a change
 
 
-def seed_of(seed: int, stream: Stream, *place: int) -> int:
+def environment_seed(seed: int, stream: Stream, *place: int) -> int:
     """The seed of an environment at a place in a study."""
     return int(random.key(seed, stream, *place)) & _MOST_SEED
 
 
-def setup_of(config: EnvironmentConfig) -> Setup:
+def make_setup(config: EnvironmentConfig) -> Setup:
     """What the lifetimes of a run need."""
     rules = tuple(controller.rule for controller in config.controllers)
     return Setup(config.world, config.network_made, rules, judge=config.judge)
@@ -63,7 +63,7 @@ def run_lifetimes(
     Those of a compiled environment run in threads. The first work is run here, and so are all others if processes would
     take longer to start. times: how often as much work comes.
     """
-    setup = setup_of(config)._replace(is_fresh=config.world.findings.needs_fresh)
+    setup = make_setup(config)._replace(is_fresh=config.world.findings.needs_fresh)
     began = time.perf_counter()
     first, works = setup.live(works[0]), works[1:]
     if config.world.is_compiled(config.judge):
@@ -103,7 +103,7 @@ class _Evaluator(Evaluator):
     ) -> tuple[Floats, Floats, dict[str, Floats], int]:
         """Mean fitness of each individual, nan for success, no measures, and the steps that were run."""
         seed, loops = self.config.seed, range(self.lifetimes)
-        seeds = tuple(seed_of(seed, Stream.training_noise, generation, loop) for loop in loops)
+        seeds = tuple(environment_seed(seed, Stream.training_noise, generation, loop) for loop in loops)
         signs = training_signs(self.config.rule, self.config.network_made, seed)
         works = [Work(0, genes, seeds, signs) for genes in population]
         found = run_lifetimes(self.config, works, self.processes, self.config.schedule.generations)
@@ -163,10 +163,10 @@ class Gymnasium(World):
 
     def compile(self, network: Network) -> None:
         """Load or compile the step of the controllers, before processes do."""
-        setup = setup_of(self.config)
+        setup = make_setup(self.config)
         with compiling(), refusing():
             for number, controller in enumerate(self.config.controllers):
-                genes = np.zeros(plan_of(network, type(controller.rule)).genes)
+                genes = np.zeros(make_plan(network, type(controller.rule)).genes)
                 setup.controller(Work(number, genes, ())).act(np.zeros(network.inputs))
                 if self.config.judge:
                     setup.live(Work(number, genes, (0,)))
@@ -184,8 +184,8 @@ class Gymnasium(World):
         return [
             Work(
                 number,
-                genome.plan.pick(genes, plan_of(config.network_made, type(tested.rule))),
-                (seed_of(config.seed, Stream.evaluation_noise, repeat),),
+                genome.plan.pick(genes, make_plan(config.network_made, type(tested.rule))),
+                (environment_seed(config.seed, Stream.evaluation_noise, repeat),),
                 signs_of(tested.rule),
                 record=record,
             )
@@ -239,7 +239,7 @@ class Gymnasium(World):
     def _yardsticks(self) -> list[str]:
         """What scripted controllers earn in the same lifetimes, in a line, of an environment that has some."""
         config = self.config
-        seeds = [seed_of(config.seed, Stream.evaluation_noise, repeat) for repeat in range(config.repeats)]
+        seeds = [environment_seed(config.seed, Stream.evaluation_noise, repeat) for repeat in range(config.repeats)]
         means = [f"{name} {value:.1f}" for name, value in config.world.yardsticks(seeds).items()]
         return [f"Scripted, in the same lifetimes: {', '.join(means)}."] if means else []
 
@@ -269,7 +269,7 @@ class Gymnasium(World):
         from PIL import Image, ImageOps
 
         config = self.config
-        works, setup = self.works(genome, range(1)), setup_of(config)
+        works, setup = self.works(genome, range(1)), make_setup(config)
         work = next(work for work in works if config.controllers[work.number].rule == config.rule)
         frames, step = list[Any](), itertools.count()
         lived, change = setup.live(work)[0], config.world.split if config.environment.changes else math.inf

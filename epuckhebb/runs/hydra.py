@@ -30,18 +30,18 @@ from epuckhebb.config import (
     alternatives,
     configurations,
     explain,
-    from_values,
+    make_config,
+    override_value,
     quoted,
     settings,
     swept_values,
     typed,
-    value_of,
     world_name,
 )
-from epuckhebb.config.catalogue import SEARCH_PATH, USERS, VERSION_BASE, catalogue, choices_of
+from epuckhebb.config.catalogue import SEARCH_PATH, USERS, VERSION_BASE, catalogue, group_choices
 from epuckhebb.config.compose import composed_with_hydra
 from epuckhebb.config.resolve import resolve
-from epuckhebb.config.source import folders_of
+from epuckhebb.config.source import search_folders
 from epuckhebb.runs import slurm
 from epuckhebb.runs.jobs import Jobs, LauncherError, Task, names_of_overrides
 from epuckhebb.runtime import (
@@ -126,7 +126,7 @@ def check(
     for _, config in configurations(command, [], jobs, config_dir):
         with chdir(Path.cwd()):  # a part of the user's may go elsewhere
             try:
-                prepare(from_values(config, SCHEMAS[command], command))
+                prepare(make_config(config, SCHEMAS[command], command))
             except ConfigError as error:
                 wrong[str(error)] = None
     if wrong:
@@ -144,7 +144,7 @@ def run(
 
     None where these options only show something.
 
-    command, arguments: as of `for_hydra`. config_dir: a
+    command, arguments: as of `hydra_arguments`. config_dir: a
     folder with more configuration files. report: of a `Job` that is run alone.
     """
     if not any(argument.startswith("-") for argument in arguments):
@@ -168,7 +168,7 @@ def run_many(
         raise ConfigError(f"{useless[-1]} does nothing in a multirun; give {SWEEP_DIR}FOLDER")
     named = [argument for argument in arguments if argument.startswith(SWEEP_DIR)]
     verb, _, _ = command.partition("_")
-    folder = Path(value_of(named[-1])) if named else Path("runs") / verb / f"{new_stamp()}_multirun"
+    folder = Path(override_value(named[-1])) if named else Path("runs") / verb / f"{new_stamp()}_multirun"
     check_multirun_folder(folder)
     words = [f"{SWEEP_DIR}{quoted(str(folder.absolute()))}", *(word for word in arguments if word not in named)]
     before = (folder / MULTIRUN).read_bytes() if (folder / MULTIRUN).is_file() else None
@@ -181,7 +181,7 @@ def run_many(
         composed = configurations(command, [], begun.values(), config_dir)
         for path, (_, values) in zip(begun, composed, strict=True):
             with chdir(Path.cwd()):
-                check_same(path, from_values(values, SCHEMAS[command], command))
+                check_same(path, make_config(values, SCHEMAS[command], command))
         for path in list(begun)[:1]:
             compare_machines(path, Run(path).provenance)
         named = zip(names_of_overrides(listed), listed, paths, strict=True)
@@ -266,7 +266,7 @@ def _job_of_hydra(command: str, job: Callable[[Job], None], cfg: DictConfig) -> 
     overrides, sources = _unresolved(HydraConfig.get().overrides.task), _unresolved(runtime)["config_sources"]
     folder = next((source["path"] for source in sources if source["provider"] == USERS and source["path"]), None)
     try:
-        resolve(command, cfg, choices_of(runtime), overrides, folders_of(runtime))
+        resolve(command, cfg, group_choices(runtime), overrides, search_folders(runtime))
         config: Any = typed(cfg, SCHEMAS[command])
         facts, is_many = _facts(command, overrides, folder), HydraConfig.get().mode == RunMode.MULTIRUN
         job(Job(path, config, overrides, facts, threads_of_job(config.threads), is_many))
@@ -314,7 +314,7 @@ def call(
         functools.partial(_do, task, errors, os.getpid(), Path.cwd())
     )
     many = nullcontext() if jobs is None else _launching(jobs)
-    with catalogue(command, config_dir), _as_command_line(command, arguments), many:
+    with catalogue(command, config_dir), _set_command_line(command, arguments), many:
         try:
             entry()
         except (HydraException, OmegaConfBaseException) as error:
@@ -385,7 +385,7 @@ def _launching(jobs: Jobs) -> Iterator[None]:
 
 
 @contextmanager
-def _as_command_line(command: str, arguments: list[str]) -> Iterator[None]:
+def _set_command_line(command: str, arguments: list[str]) -> Iterator[None]:
     """Set what Hydra reads: the argument list, and that errors are raised, not printed."""
     argv, full_error = sys.argv, os.environ.get(_FULL_ERROR)
     sys.argv = [f"epuckhebb {command}", *arguments]

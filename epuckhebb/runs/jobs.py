@@ -166,7 +166,7 @@ def failure_text(failures: Sequence[tuple[str, str]], total: int) -> str:
     names: dict[str, list[str]] = {}
     for name, reason in failures:
         names.setdefault(reason, []).append(name)
-    lines = [f"{_names_of(who)}: {reason}" for reason, who in names.items()]
+    lines = [f"{_join_names(who)}: {reason}" for reason, who in names.items()]
     return "\n".join([f"{len(failures)} of {total} jobs", *lines]) if lines else ""
 
 
@@ -177,10 +177,10 @@ def names_of_overrides(jobs: Sequence[Sequence[str]]) -> list[str]:
 
 
 def _names(tasks: Sequence[Task]) -> str:
-    return _names_of([task.name for task in tasks])
+    return _join_names([task.name for task in tasks])
 
 
-def _names_of(names: Sequence[str]) -> str:
+def _join_names(names: Sequence[str]) -> str:
     more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
     return f"{', '.join(names[:_NAMED])}{more}"
 

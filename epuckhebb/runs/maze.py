@@ -16,7 +16,7 @@ from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.control import MOST_KEPT, Control
 from epuckhebb.controller.wiring import LAYERS, Wiring
 from epuckhebb.evolution.evolve import MazeEvaluator
-from epuckhebb.runs.notes import notes_of, unusual_values
+from epuckhebb.runs.notes import evaluation_notes, unusual_values
 from epuckhebb.runtime import ConfigError, compiling
 from epuckhebb.store import Genome, as_npz, traces_arrays
 from epuckhebb.tmaze.batch import load_kernel
@@ -100,11 +100,11 @@ class Maze(World):
 
     def notes(self, genome: Genome | None = None) -> list[str]:
         """What a champion shows as a showcase, and how the world of its evolution differs."""
-        return unusual_values(self.config) if genome is None else notes_of(genome, self.config)
+        return unusual_values(self.config) if genome is None else evaluation_notes(genome, self.config)
 
     def compile(self, network: Network) -> None:
         """Load or compile the kernels of the controllers."""
-        compile_for(self.config.controllers, network, self.config.world)
+        compile_kernels(self.config.controllers, network, self.config.world)
 
     def nominal(self, genome: Genome, threads: int) -> Nominal | None:
         """Nominal statistics from the champion's file, or measured; None where no adaptation needs them."""
@@ -223,7 +223,7 @@ class Maze(World):
         )
 
 
-def compile_for(controllers: Sequence[Controller], network: Network, world: Scenario) -> None:
+def compile_kernels(controllers: Sequence[Controller], network: Network, world: Scenario) -> None:
     """Load or compile what lifetimes with these controllers need."""
     with compiling():
         for controller in controllers or [GA_ALONE]:

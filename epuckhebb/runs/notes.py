@@ -13,7 +13,7 @@ from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
 
 
-def notes_of(genome: Genome, config: EvaluateConfig) -> list[str]:
+def evaluation_notes(genome: Genome, config: EvaluateConfig) -> list[str]:
     """The notes on an evaluation of this genome; `provenance.json`, tables and the replay page have them."""
     rates = [float(one.rule.N) for one in config.controllers if one.name == HEBBIAN]
     notes = [_showcase(genome, "" if config.changed else config.scenario.name, rates[0] if rates else 0.0)]

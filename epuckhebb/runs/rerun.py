@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from epuckhebb.config import OWN_CODE, from_values, hand, schema_of, settings, with_own_copies
+from epuckhebb.config import OWN_CODE, find_schema, hand, make_config, settings, substitute_copies
 from epuckhebb.runs.evaluate import evaluate_job, prepare_evaluation
 from epuckhebb.runs.evolve import evolve_job, prepare_evolution
 from epuckhebb.runs.hydra import Job, new_stamp
@@ -14,13 +14,13 @@ from epuckhebb.runtime import ConfigError, say, thread_count
 from epuckhebb.store import SCIENCE, Run, compare_machines, load_genome, versions
 
 
-def config_of(run: Run, command: str) -> Any:
+def run_settings(run: Run, command: str) -> Any:
     """The settings of a run of a command, with its copies of the user's files, which are as the run wrote them."""
     for name in run.status.get("sha256", {}):
         if name == hand.NAME or name.startswith(f"{OWN_CODE}/"):
             run.content(name)
-    values = with_own_copies(settings(run.config_file), run.path, run.provenance.get("own_code", {}))
-    return from_values(values, schema_of(command, values), str(run.path))
+    values = substitute_copies(settings(run.config_file), run.path, run.provenance.get("own_code", {}))
+    return make_config(values, find_schema(command, values), str(run.path))
 
 
 def repeat(path: Path) -> tuple[Path, str]:
@@ -41,7 +41,7 @@ def repeat(path: Path) -> tuple[Path, str]:
             say(f"{name} was {before} in this run, and is {number} now; digits may differ.")
     new = Path("runs") / command / f"{new_stamp()}_rerun_of_{path.resolve().name}"
     more = {"command_line": ["epuckhebb", "rerun", str(path)], "rerun_of": str(path)}
-    config = config_of(run, command)
+    config = run_settings(run, command)
     if command == "evaluate":
         genome = prepare_evaluation(config).genome
         if genome.sha256 != facts["genome_sha256"]:

@@ -8,6 +8,6 @@ from epuckhebb.runs.maze import Maze
 from epuckhebb.worlds.world import World
 
 
-def world_of(config: Any) -> World:
+def make_world(config: Any) -> World:
     """The world that settings describe."""
     return Gymnasium(config) if isinstance(config, EnvironmentConfig) else Maze(config)

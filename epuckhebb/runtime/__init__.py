@@ -30,6 +30,6 @@ from epuckhebb.runtime.resources import (
     data_folder,
     discard,
     open_missing_streams,
-    path_of,
     thread_count,
+    user_path,
 )

@@ -45,7 +45,7 @@ def data_folder(name: str) -> Path:
     return inside if inside.is_dir() else _PACKAGE.parent / name
 
 
-def path_of(text: str, key: str) -> Path:
+def user_path(text: str, key: str) -> Path:
     """A path that a user gave for a key, with `~` or `~name` at its beginning replaced by that folder."""
     unknown = f"{key}={text}: {text.partition('/')[0]} stands for no folder here; give the whole path"
     with refusing(lambda _: unknown, RuntimeError):

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from epuckhebb.adaptation.nominal import Nominal
 from epuckhebb.controller import random
-from epuckhebb.controller.genome import WEIGHTS, GenomePlan, Part, plan_of
+from epuckhebb.controller.genome import WEIGHTS, GenomePlan, Part, make_plan
 from epuckhebb.controller.network import PAPER_NETWORK, WEIGHT_LIMIT, Network
 from epuckhebb.controller.wiring import LAYERS, Wiring, recorded_wiring
-from epuckhebb.runtime import LATEST, REFERENCE, ConfigError, data_folder, path_of
+from epuckhebb.runtime import LATEST, REFERENCE, ConfigError, data_folder, user_path
 from epuckhebb.store.disk import CHAMPION, as_npz, convert_errors, parse_arrays
 from epuckhebb.store.run import Run
 from epuckhebb.tmaze.robot import EPUCK
@@ -61,7 +61,7 @@ class Genome:
     network: Network = PAPER_NETWORK
     robot: str = EPUCK.name
     lights: int = EPUCK.light.count
-    plan: GenomePlan = field(default_factory=lambda: plan_of(PAPER_NETWORK))
+    plan: GenomePlan = field(default_factory=lambda: make_plan(PAPER_NETWORK))
     experiment: str = ""
     optimizer: str = ""
     training: str = ""
@@ -85,7 +85,7 @@ class Genome:
     @property
     def network_genes(self) -> NDArray[np.float64]:
         """The genes of the network: the weights, and the parameters of the neurons of a wiring."""
-        return self.plan.pick(self.genes, self.plan.of_network)
+        return self.plan.pick(self.genes, self.plan.network_parts)
 
     @property
     def wiring(self) -> str:
@@ -125,7 +125,7 @@ def load_genome(where: str, experiment: str, shape: tuple[int, ...] | Wiring | N
     elif of_seed:
         path = reference / "champions" / f"{experiment}_{of_seed[1] or ''}seed{int(of_seed[2]):03d}.npz"
     else:
-        path = path_of(where, "genome")
+        path = user_path(where, "genome")
         name, path = (path.resolve().name, path / CHAMPION) if path.is_dir() else (path.stem, path)
     if not path.is_file():
         known = (
@@ -141,7 +141,7 @@ def _random_genome(name: str, seed: int, shape: tuple[int, ...] | Wiring | None)
         raise ConfigError(f"genome={name} needs network.wiring={LAYERS}, got network.wiring={shape.name}")
     network = PAPER_NETWORK if shape is None else Network(shape)
     genes = random.rng(seed, random.Stream.random_genome).uniform(-1.0, 1.0, network.synapses)
-    return Genome(genes=genes, name=name, network=network, robot="", plan=plan_of(network))
+    return Genome(genes=genes, name=name, network=network, robot="", plan=make_plan(network))
 
 
 def checked_genes(genes: NDArray[np.generic], where: str, plan: GenomePlan) -> NDArray[np.float64]:
@@ -223,7 +223,7 @@ def _read_genome(path: Path, name: str, shape: tuple[int, ...] | Wiring | None) 
         if "genome" not in arrays and len(arrays) != 1:
             raise ValueError("it holds several arrays, none named `genome`")
         network = shaped(parse_network(arrays, layers or PAPER_NETWORK.layers), str(path), shape)
-        plan = plan_of(network)
+        plan = make_plan(network)
         if "parts" in arrays:
             plan = GenomePlan(tuple(map(Part, arrays["parts"].tolist(), arrays["part_sizes"].tolist())))
         statistics: dict[str, Any] = {field.name: arrays.get(_NOMINAL + field.name) for field in fields(Nominal)}

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from epuckhebb.analysis import leaderboard as board
 from epuckhebb.analysis import reproduction
 from epuckhebb.analysis.tables import Rows
-from epuckhebb.config import EvaluateConfig, EvolveConfig, OwnFile, Plain, dump, from_values, load, own_files
+from epuckhebb.config import EvaluateConfig, EvolveConfig, OwnFile, Plain, dump, load, make_config, own_files
 from epuckhebb.runs import (
     PreparedEvaluation,
     earlier_champions,
@@ -60,9 +60,9 @@ class ChampionStudy(Study):
         if wanted["champion"]:
             values["genome"] = str(folder / wanted["champion"])
         if "worlds" in wanted:
-            _test(path, from_values(values, EvaluateConfig, f"job {path}"), wanted, job["overrides"], facts)
+            _test(path, make_config(values, EvaluateConfig, f"job {path}"), wanted, job["overrides"], facts)
             return
-        config = from_values(values, EvolveConfig, f"job {path}")
+        config = make_config(values, EvolveConfig, f"job {path}")
         prepared = prepare_evolution(config)
         prepared.compile()
         threads = hydra.threads_of_job(config.threads)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import pandas as pd
 
 from epuckhebb.analysis.tables import Table
-from epuckhebb.config import MOST_THREADS, Plain, from_values, load, part_class, part_from, part_settings, register
+from epuckhebb.config import MOST_THREADS, Plain, load, make_config, make_part, part_class, part_settings, register
 from epuckhebb.controller.compiling.errors import PartError
 from epuckhebb.controller.ranges import check as check_ranges
 from epuckhebb.controller.ranges import within
@@ -131,7 +131,7 @@ class FlockStudy(Study):
     @classmethod
     def do(cls, job: Plain) -> dict[str, pd.DataFrame]:
         """Run all flocks of a condition; returns the flocks, their courses by the minute, and their couplings."""
-        study = from_values(job, cls, "a job of flock")
+        study = make_config(job, cls, "a job of flock")
         (condition,), threads = study.conditions, hydra.threads_of_job(study.threads)
         seeds = range(study.seed, study.seed + condition.repeats)
         rows, minutes, pairs = [], [], []
@@ -217,7 +217,7 @@ def _rows(keys: FlockKeys) -> list[Row]:
     for where in _ROWS if keys.coupling == ALL else (keys.coupling,):
         name = where.rpartition(":")[2]
         own = part_settings(part_class("coupling", where, "flock"), dict(keys.own), "flock.own", f"coupling {name}")
-        coupling = part_from("coupling", {"coupling": where, "N": keys.N, "decay": keys.decay, **own}, "flock")
+        coupling = make_part("coupling", {"coupling": where, "N": keys.N, "decay": keys.decay, **own}, "flock")
         if name not in (FROZEN, ORACLE):
             rows.append(Row(name, coupling))
         if keys.shuffled and name not in _WITHOUT_CONTROL:

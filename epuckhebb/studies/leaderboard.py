@@ -21,17 +21,17 @@ from epuckhebb.config import (
     EvaluateConfig,
     EvolveConfig,
     alternatives,
-    from_values,
+    format_overrides,
     load,
+    make_config,
     own_files,
     quoted,
     register,
     swept_values,
-    typed_as,
 )
 from epuckhebb.controller.ranges import check as check_ranges
 from epuckhebb.controller.ranges import within
-from epuckhebb.runs import compile_for, prepare_evolution
+from epuckhebb.runs import compile_kernels, prepare_evolution
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Run, fingerprint
 from epuckhebb.studies.champions import ChampionStudy, make_job, scenario_evaluation, world_evaluation, worlds_digest
@@ -266,14 +266,14 @@ def _entry(study: Leaderboard, experiment: str, method: Method, over: Entry | No
         raise ConfigError(f"champions_of={method.champions_of}: its champions have a rule; no other can be added")
     jobs = {stage: own for stage, own in over.jobs.items() if stage != _TESTS} if over else {}
     if method.evolve:
-        words = [*([] if "scenario" in method.evolve else [f"scenario={training}"]), *typed_as(method.evolve)]
+        words = [*([] if "scenario" in method.evolve else [f"scenario={training}"]), *format_overrides(method.evolve)]
         evolved = load(EvolveConfig, [*words, *(["genome=given"] if over else [])], study.config_dir)
         if evolved.world.name in {world.name for world in tests.values()}:
             raise ConfigError(f"its champions would be trained in {evolved.world.name}, a world of the tests")
         prepare_evolution(evolved, has_genome=False)
         jobs[_RULES if over else _CHAMPIONS] = {
             seed: make_job(
-                [*typed_as(method.evolve), f"seed={seed}"],
+                [*format_overrides(method.evolve), f"seed={seed}"],
                 {**evolved.values, "seed": seed},
                 champion=over.jobs[_CHAMPIONS][seed].run if over else "",
                 purpose=f"evolve {method.name}, {experiment}, seed {seed}",
@@ -285,19 +285,19 @@ def _entry(study: Leaderboard, experiment: str, method: Method, over: Entry | No
         evolved = over.evolved
     task = {key: value for key, value in method.evolve.items() if key.startswith("task")}
     added = method.evaluate or {**task, "hebbian": "none"}
-    tested = dict(scenario_evaluation(training, tuple(typed_as(added)), study.config_dir).values)
+    tested = dict(scenario_evaluation(training, tuple(format_overrides(added)), study.config_dir).values)
     tested |= {group: evolved.values[group] for group in (*_PARTS, *(["hebbian"] if method.evolve else []))}
     tested |= {"seed": study.seed, "repeats": study.reversal_repeats if experiment == REVERSAL else study.repeats}
-    config = from_values(tested, EvaluateConfig, "its test")
+    config = make_config(tested, EvaluateConfig, "its test")
     if own_files(tested):
-        compile_for(config.controllers, config.network_made, config.world)
+        compile_kernels(config.controllers, config.network_made, config.world)
     kind = POST_HOC if method.evaluate else EVOLVED if config.controllers else PLAIN
     if kind != PLAIN and not method.comparison:
         raise ConfigError("matched_control is missing: name the method that is the same without plasticity")
     champions = jobs.get(_RULES) or jobs[_CHAMPIONS]
     jobs[_TESTS] = {
         seed: make_job(
-            [f"genome={champion.run}", *typed_as(method.evaluate)],
+            [f"genome={champion.run}", *format_overrides(method.evaluate)],
             tested,
             champion=champion.run,
             purpose=f"test {method.name}, {experiment}, seed {seed}",

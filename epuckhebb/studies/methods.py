@@ -10,7 +10,7 @@ import msgspec
 from epuckhebb.config import part_class
 from epuckhebb.config import settings as settings_in
 from epuckhebb.controller.plasticity.rule import InitialWeights
-from epuckhebb.runtime import ConfigError, conf, did_you_mean, path_of
+from epuckhebb.runtime import ConfigError, conf, did_you_mean, user_path
 
 ALL = "all"
 REVERSAL_TASK, REVERSAL_GA = {"task": "reversal"}, {"ga": "reversal"}  # of a lifetime; of its evolution
@@ -128,7 +128,7 @@ def _method(name: str, values: Mapping[str, Any], description: str, where: str) 
 def _rule_method(reference: str) -> Method:
     """A rule of the user's: evolved with the weights if it has something to evolve, added to champions if not."""
     file, _, name = reference.rpartition(":")
-    path = path_of(file, "methods").absolute()
+    path = user_path(file, "methods").absolute()
     kind = part_class("rule", f"{path}:{name}", "hebbian")
     rule, description = {"hebbian.rule": f"{path}:{name}"}, f"a rule of {path.name}"
     initial_weights = kind.__dataclass_fields__["initial_weights"].default

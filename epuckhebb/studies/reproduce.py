@@ -12,7 +12,7 @@ import yaml
 
 from epuckhebb.analysis import findings, reproduction
 from epuckhebb.analysis.tables import Table, code
-from epuckhebb.config import MOST_THREADS, EvaluateConfig, EvolveConfig, from_values, load, part_from, register
+from epuckhebb.config import MOST_THREADS, EvaluateConfig, EvolveConfig, load, make_config, make_part, register
 from epuckhebb.controller.network import PAPER_NETWORK
 from epuckhebb.controller.ranges import check as check_ranges
 from epuckhebb.controller.ranges import within
@@ -109,7 +109,7 @@ class Reproduction(ChampionStudy):
                 )
                 continue
             evolving = load(EvolveConfig, [f"scenario={training}"]).values | {"ga": self.values["ga"]} | shared
-            prepare_evolution(from_values(evolving, EvolveConfig, "reproduce"))
+            prepare_evolution(make_config(evolving, EvolveConfig, "reproduce"))
             for seed in range(self.first_seed, self.first_seed + self.champions):
                 name = f"{experiment}_seed{seed:03d}"
                 evolution = make_job([f"scenario={training}", f"seed={seed}"], evolving | {"seed": seed})
@@ -151,7 +151,7 @@ class Reproduction(ChampionStudy):
 
         def world(scenario: str) -> tuple[Scenario, Lifetime]:
             there = load(EvaluateConfig, [f"scenario={scenario}"])
-            return replace(there.world, physics=part_from("physics", self.physics, "physics")), there.lifetime
+            return replace(there.world, physics=make_part("physics", self.physics, "physics")), there.lifetime
 
         signals = {one: self.signal.choose(one) for one in shown}
         names = ("doses", "rescue_over_all", "rescue_and_harm", "ends")

@@ -22,17 +22,17 @@ from epuckhebb.config import (
     Plain,
     class_named,
     dump,
-    from_values,
+    format_overrides,
+    make_config,
+    override_value,
     own_files,
-    own_references,
     settings,
-    typed_as,
-    value_of,
+    user_references,
     values_of,
 )
 from epuckhebb.runs import hydra
 from epuckhebb.runs.jobs import failure_text
-from epuckhebb.runtime import ConfigError, JobFailedError, conf, path_of, refusing, say
+from epuckhebb.runtime import ConfigError, JobFailedError, conf, refusing, say, user_path
 from epuckhebb.store import STATUS, Run, RunFolder, as_json, digest, fingerprint, write_atomic
 from epuckhebb.studies.jobs import JOBS, LIST, Job, Outcome, launch, split, todo
 
@@ -99,7 +99,7 @@ class Study(Checked):
     @classmethod
     def stored(cls, run: Run) -> Self:
         """The study of a folder, with the settings that it was called with."""
-        return from_values(settings(run.config_file), cls, str(run.path))
+        return make_config(settings(run.config_file), cls, str(run.path))
 
     @property
     def user_files(self) -> Mapping[Path, OwnFile]:
@@ -113,7 +113,7 @@ class Study(Checked):
         if not plan:
             raise ConfigError(f"{self.label}: the plan has no job")
         jobs = [
-            Job(number=number, overrides=typed_as(job), run=self.run_name(job), config=job)
+            Job(number=number, overrides=format_overrides(job), run=self.run_name(job), config=job)
             for number, job in enumerate(plan)
         ]
         return [("run", jobs)]
@@ -192,7 +192,7 @@ def prepare(study: Study, of_hydra: Sequence[str], arguments: list[str]) -> Plan
     """List the jobs of a study; nothing is written. of_hydra: Hydra's overrides. arguments: after the command."""
     stages = study.stages()
     jobs = [job for _, of_stage in stages for job in of_stage]
-    folders = [value_of(argument) for argument in of_hydra if argument.startswith(SWEEP_DIR)]
+    folders = [override_value(argument) for argument in of_hydra if argument.startswith(SWEEP_DIR)]
     launcher = [argument for argument in of_hydra if not argument.startswith(SWEEP_DIR)]
     if not any(argument.startswith("hydra/launcher=") for argument in launcher):  # one job alone takes all cores
         launcher.insert(0, f"hydra/launcher={'joblib' if len(jobs) > 1 else 'basic'}")
@@ -203,7 +203,7 @@ def prepare(study: Study, of_hydra: Sequence[str], arguments: list[str]) -> Plan
 def plan_user_study(reference: str, arguments: list[str]) -> Planned:
     """Plan a study of the user's. reference: FILE.py:NAME. arguments: overrides, of the study and of Hydra."""
     own, of_hydra = split("sweep", arguments)
-    study = from_values(values_of(own), _user_study(reference), f"sweep {reference}")
+    study = make_config(values_of(own), _user_study(reference), f"sweep {reference}")
     try:
         return prepare(study, of_hydra, [reference, *arguments])
     except ConfigError:
@@ -282,7 +282,7 @@ def job_name(kind: str, depends: Plain) -> str:
     depends = copy.deepcopy(conf.without(depends, conf.NO_EFFECT))
     if "config" in depends:
         depends["config"] = conf.without(depends["config"], conf.NO_EFFECT)
-    for part, key, _, name in list(own_references(depends)):
+    for part, key, _, name in list(user_references(depends)):
         part[key] = name
     return f"{kind}_{fingerprint(depends, own=[file.digest for file in own.values()])}"
 
@@ -290,7 +290,7 @@ def job_name(kind: str, depends: Plain) -> str:
 def _user_study(reference: str) -> type[Study]:
     """The class of a user's study, FILE.py:NAME; it must have `plan` and `do`."""
     file, _, name = reference.rpartition(":")
-    path = path_of(file, "sweep").absolute()
+    path = user_path(file, "sweep").absolute()
     kind = class_named(f"{path}:{name}", Study, "sweep")
     for method in ("plan", "do"):
         if inspect.getattr_static(kind, method) is inspect.getattr_static(Study, method):

@@ -25,15 +25,15 @@ from epuckhebb.config import (
     alternatives,
     check_words,
     configurations,
-    for_hydra,
-    from_values,
-    own_sources,
+    find_schema,
+    hydra_arguments,
+    make_config,
     readable,
-    schema_of,
     swept_values,
+    user_sources,
 )
 from epuckhebb.controller.ranges import check_values
-from epuckhebb.runs import as_evolved, evaluate_into, evolved, hydra, prepare_evaluation
+from epuckhebb.runs import evaluate_into, evolved, hydra, inherit_choices, prepare_evaluation
 from epuckhebb.runtime import ConfigError, conf, say, yaml_file
 from epuckhebb.store import (
     Content,
@@ -77,7 +77,7 @@ class Sweep(Study):
     @classmethod
     def work(cls, path: Path, job: Plain, facts: dict[str, Any]) -> None:
         """Evaluate in the folder that the job is given."""
-        config = from_values(job["config"], schema_of("evaluate", job["config"]), f"job {path}")
+        config = make_config(job["config"], find_schema("evaluate", job["config"]), f"job {path}")
         evaluate_into(path, config, job["overrides"], facts, threads=hydra.threads_of_job(config.threads), is_many=True)
 
     @classmethod
@@ -136,9 +136,9 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Plan
     if not params:
         raise ConfigError(f"experiment={name} has no hydra.sweeper.params: it is one job, for `epuckhebb evaluate`")
     if "genome" not in params or any(word.startswith("genome=") for word in own):  # else champions are the sweep's
-        arguments = as_evolved(arguments, config_dir)
+        arguments = inherit_choices(arguments, config_dir)
         own, _ = split("sweep", arguments)
-    command, (_, *own) = for_hydra("evaluate", [*named, *own])
+    command, (_, *own) = hydra_arguments("evaluate", [*named, *own])
     words = readable([*(f"{key}={values}" for key, values in params.items()), *own])
     check_words(command, words, several=True)
     choices = alternatives(words)
@@ -161,20 +161,20 @@ class Identities:
 
     def name(self, config: Plain) -> str:
         """The name of the run of a configuration, from all that its results depend on at this moment."""
-        schema = schema_of("evaluate", config)
+        schema = find_schema("evaluate", config)
         try:
             check_values(schema, config)
         except ValueError as error:
             raise ConfigError(str(error)) from error
         shared = digest(conf.without(config, _APART))
         if shared not in self._shared:
-            self._shared[shared] = from_values(config, schema, "a job")
+            self._shared[shared] = make_config(config, schema, "a job")
         key = shared, config["genome"]
         if key not in self._genomes:
             job = self._shared[shared]
             genome = self._load_genome(config["genome"], job.world.experiment, job.shape)
             self._genomes[key] = prepare_evaluation(job, genome).genome
-        return f"job_{fingerprint(conf.without(config, conf.NO_EFFECT), self._genomes[key], own_sources(config))}"
+        return f"job_{fingerprint(conf.without(config, conf.NO_EFFECT), self._genomes[key], user_sources(config))}"
 
 
 def summarise_multirun(folder: Path) -> None:

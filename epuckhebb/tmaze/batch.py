@@ -6,13 +6,13 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from epuckhebb.controller.compiling.errors import PartError
-from epuckhebb.controller.genome import plan_of
+from epuckhebb.controller.genome import make_plan
 from epuckhebb.controller.network import HIDDEN, Network
-from epuckhebb.controller.own_class import own_of
+from epuckhebb.controller.own_class import user_classes
 from epuckhebb.controller.plasticity.control import Control, yoking
 from epuckhebb.controller.plasticity.rule import NoRule
 from epuckhebb.controller.plasticity.rules.paper import Paper
-from epuckhebb.tmaze.block import LostRobotError, own_parts
+from epuckhebb.tmaze.block import LostRobotError, user_parts
 from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.outcome import Outcome
@@ -50,7 +50,7 @@ def run_lifetimes(
     kept = int(weight_path or any(one.controller.rule.control is not Control.none for one in individuals))
 
     simulators = [Simulator(scenario, lifetime, fallback_rule, kept)]  # those that no thread uses
-    sensors, can_place = own_of(scenario.robot.sensors), scenario.physics.placer() is not None
+    sensors, can_place = user_classes(scenario.robot.sensors), scenario.physics.placer() is not None
     can_share = can_place and len(simulators[0].phases) == 1 and scenario.put is None and not sensors
     alike: dict[object, list[int]] = {}
     for number, one in enumerate(individuals):
@@ -98,7 +98,7 @@ def load_kernel(
     """
     world = scenario or Scenario()
     net = network or Network((world.inputs, *HIDDEN, OUTPUTS), world.task.gives_reward)
-    genes = plan_of(net, type(controller.rule)).genes
+    genes = make_plan(net, type(controller.rule)).genes
     dummy = Individual(
         genes=np.random.default_rng(0).uniform(-1.0, 1.0, genes),
         side="left",
@@ -109,7 +109,7 @@ def load_kernel(
         key=np.uint64(0),
         record=True,
     )
-    own = own_parts(dummy, world)
+    own = user_parts(dummy, world)
     duration_s, gain = _TRIED_S if own else STEP_S, min(1.0, world.robot.motor_limit_rad_s)
     lifetime = Lifetime(duration_s=duration_s, gain_rad_s=gain, record_every=1)
     named = " or ".join(f"{part.KEY} ({part.what()})" for part in own)

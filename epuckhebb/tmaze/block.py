@@ -8,16 +8,16 @@ import numpy as np
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.errors import PartError, explained
-from epuckhebb.controller.compiling.readonly import readonly, with_arrays
+from epuckhebb.controller.compiling.readonly import map_arrays, readonly
 from epuckhebb.controller.genotype import initial_states
-from epuckhebb.controller.own_class import OwnClass, own_of
+from epuckhebb.controller.own_class import OwnClass, user_classes
 from epuckhebb.controller.plasticity.control import NO_YOKING, Track
-from epuckhebb.controller.plasticity.rule import bound_of
+from epuckhebb.controller.plasticity.rule import weight_bound
 from epuckhebb.tmaze.faults import initial_past
 from epuckhebb.tmaze.fitness import History, initial_history
 from epuckhebb.tmaze.individual import Individual
-from epuckhebb.tmaze.life import INITIAL_TALLY, Life, Lifetime, Setup, in_rows
-from epuckhebb.tmaze.outcome import Outcome, outcomes_of
+from epuckhebb.tmaze.life import INITIAL_TALLY, Life, Lifetime, Setup, stack_rows
+from epuckhebb.tmaze.outcome import Outcome, measure_outcomes
 from epuckhebb.tmaze.own_sensor import Sensor
 from epuckhebb.tmaze.physics_engine import Space
 from epuckhebb.tmaze.robot import STEP_S
@@ -58,8 +58,8 @@ class Block:
         self._is_usual = self._nominal is None and history is None
         self.history = history or initial_history(who.controller.rule)
         self.starts = [world.maze.start if one.start is None else one.start for one in individuals]
-        self._rows, self.lives = in_rows(self._initial_lives(individuals), len(individuals))
-        self._poses, last = np.array(self.starts, float), with_arrays(self.lives, lambda array: array[-1])
+        self._rows, self.lives = stack_rows(self._initial_lives(individuals), len(individuals))
+        self._poses, last = np.array(self.starts, float), map_arrays(self.lives, lambda array: array[-1])
         genotype = last.genotype._replace(synapse_state=kind.synapse_state, signs=self._signs())
         self.life: Life = last._replace(
             genotype=readonly(genotype),
@@ -106,7 +106,7 @@ class Block:
         shared: dict[str, Any] = dict.fromkeys(("recent", "workspace", "senses", "past"), ())
         return Life(
             **states,
-            **{name: with_arrays(value, lambda array: array[None]) for name, value in alike.items()},
+            **{name: map_arrays(value, lambda array: array[None]) for name, value in alike.items()},
             **shared,
             key=keys[:, None],
             tally=INITIAL_TALLY[None],
@@ -121,7 +121,7 @@ class Block:
         yoking = NO_YOKING if master is None else self._who.yoking
         if yoking is None:
             raise ValueError(f"control={rule.control.name} needs Individual.yoking, the draw of the control; got none")
-        return Track(master is not None, kept, yoking, float(bound_of(rule)), path)
+        return Track(master is not None, kept, yoking, float(weight_bound(rule)), path)
 
     def enter(self, world: Scenario) -> None:
         """Let a world hold from the next step on."""
@@ -150,7 +150,7 @@ class Block:
         try:
             live(self._rows, self._poses, self.life, self.setup, space.handles, until)
         except Exception as error:  # machine code raises nothing, so it comes from compiling
-            raise explained(own_parts(self._who, self.world), error) from error
+            raise explained(user_parts(self._who, self.world), error) from error
         self._seen = self.world
         for group, scratch in zip(self.world.robot.sensors, self.life.senses.scratch, strict=True):
             if isinstance(group, Sensor):
@@ -165,8 +165,8 @@ class Block:
         """The metrics of the lifetimes so far, of one step or more."""
         goals = list(self._first.goals_now.values())
         at_start = [min(math.dist(start[:2], goal) for goal in goals) for start in self.starts]
-        bound, world = bound_of(self._who.controller.rule), self._seen  # since then, goals may have moved
-        return outcomes_of(self.lives, world, self._who.side, at_start, bound, self._poses.tolist())
+        bound, world = weight_bound(self._who.controller.rule), self._seen  # since then, goals may have moved
+        return measure_outcomes(self.lives, world, self._who.side, at_start, bound, self._poses.tolist())
 
     def _faults(self) -> Iterator[tuple[Any, type[Exception], str, Any]]:
         """What must not be: whether it is so in each lifetime, its error and message, and the step in each."""
@@ -192,8 +192,8 @@ class Block:
         yield tally["lost"] | ~np.isfinite(summed), LostRobotError, what, steps
 
 
-def own_parts(individual: Individual, world: Scenario) -> list[type[OwnClass]]:
+def user_parts(individual: Individual, world: Scenario) -> list[type[OwnClass]]:
     """The classes of a lifetime's parts that are the user's own."""
     controller, wiring = individual.controller, individual.network.wiring
     parts = (controller.rule, wiring, world.fitness, world.task, world.physics, *world.robot.sensors)
-    return own_of([*parts, *controller.adaptation.parts])
+    return user_classes([*parts, *controller.adaptation.parts])

@@ -73,7 +73,7 @@ def check_changes(key: str, changes: Sequence[Mapping[str, Any]]) -> None:
         last = at_s
 
 
-def step_of(change: Mapping[str, Any]) -> int:
+def first_step(change: Mapping[str, Any]) -> int:
     """The first step that is not before a change."""
     return math.ceil(float(change["at_s"]) / STEP_S - 1e-9)
 

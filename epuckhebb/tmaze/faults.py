@@ -58,7 +58,7 @@ def initial_past(robot: Robot) -> Floats:
     return np.zeros((LONGEST_DELAY + 1, robot.inputs + 2))
 
 
-def faults_of(world: Any) -> Faults:
+def make_faults(world: Any) -> Faults:
     """The faults of the robot in a world, a `Scenario`."""
     values = {name: kind(getattr(world, name)) for name, kind in KINDS.items()}
     return Faults(np.array(world.dead_sensors, np.int64), lag=1.0 - 1.0 / world.mass_ratio, **values)
@@ -75,7 +75,7 @@ def grip(slip: float, key: np.uint64, step: int, wheel: int) -> float:
 @cache
 def sensor_faults(robot: Robot) -> Callable[..., None]:
     """The function `apply_sensor_faults(readings, faults, past, step)`, which changes the sensor readings."""
-    distances = robot.inputs_of(robot.distance)
+    distances = robot.input_places(robot.distance)
     first, count, inputs = distances.start, robot.distance.count, robot.inputs
     on_left = np.array([(place.azimuth + 180.0) % 360.0 > 180.0 for place in robot.distance.places])
 

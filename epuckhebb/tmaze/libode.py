@@ -60,20 +60,20 @@ _compiled: list[str] = []  # the C functions that machine code calls
 _say_nothing = ctypes.CFUNCTYPE(None, ctypes.c_int, ctypes.c_char_p, ctypes.c_void_p)(lambda *_: None)
 
 
-def _for_machine_code(name: str, result: types.Type, *arguments: types.Type) -> Any:
+def _callback(name: str, result: types.Type, *arguments: types.Type) -> Any:
     _compiled.append(name)
     return types.ExternalFunction(name, result(*arguments))
 
 
 _at = types.intp  # an address
-set_hinge = _for_machine_code("dJointSetHingeParam", types.void, _at, types.intc, types.float64)
-empty_group = _for_machine_code("dJointGroupEmpty", types.void, _at)
-collide = _for_machine_code("dCollide", types.intc, _at, _at, types.intc, _at, types.intc)
-create_contact = _for_machine_code("dJointCreateContact", _at, _at, _at, _at)
-attach = _for_machine_code("dJointAttach", types.void, _at, _at, _at)
-world_step = _for_machine_code("dWorldStep", types.intc, _at, types.float64)
-copy_position = _for_machine_code("dBodyCopyPosition", types.void, _at, _at)
-copy_rotation = _for_machine_code("dBodyCopyRotation", types.void, _at, _at)
+set_hinge = _callback("dJointSetHingeParam", types.void, _at, types.intc, types.float64)
+empty_group = _callback("dJointGroupEmpty", types.void, _at)
+collide = _callback("dCollide", types.intc, _at, _at, types.intc, _at, types.intc)
+create_contact = _callback("dJointCreateContact", _at, _at, _at, _at)
+attach = _callback("dJointAttach", types.void, _at, _at, _at)
+world_step = _callback("dWorldStep", types.intc, _at, types.float64)
+copy_position = _callback("dBodyCopyPosition", types.void, _at, _at)
+copy_rotation = _callback("dBodyCopyRotation", types.void, _at, _at)
 
 
 @cache

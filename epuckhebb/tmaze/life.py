@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.compiling.readonly import with_arrays
+from epuckhebb.controller.compiling.readonly import map_arrays
 from epuckhebb.controller.genotype import Genotype
 from epuckhebb.controller.plasticity.update import Workspace
 from epuckhebb.controller.ranges import check, within
@@ -120,14 +120,14 @@ class Life(NamedTuple):
     track: Any
 
 
-def in_rows(record: Any, count: int) -> tuple[NDArray[np.uint64], Any]:
+def stack_rows(record: Any, count: int) -> tuple[NDArray[np.uint64], Any]:
     """Put what lifetimes carry side by side, a row for each; where they are several, one more, for the one that runs.
 
     record: of arrays, and of such records, whose first axis is lifetimes, or 1 if all are alike. Returns the rows, and
     the record with views of them.
     """
     arrays: list[NDArray[Any]] = []
-    with_arrays(record, arrays.append)
+    map_arrays(record, arrays.append)
     ends = list(accumulate(-(-array[0].nbytes // WORD) for array in arrays))
     rows, begins = np.zeros((count + (count > 1), ends[-1]), np.uint64), iter([0, *ends])
 
@@ -137,7 +137,7 @@ def in_rows(record: Any, count: int) -> tuple[NDArray[np.uint64], Any]:
         view[:count] = array
         return view
 
-    return rows, with_arrays(record, put)
+    return rows, map_arrays(record, put)
 
 
 class Setup(NamedTuple):

@@ -162,15 +162,15 @@ def random_obstacles(maze: Maze, layout: int) -> list[Box]:
             first = between(*niche.depth)
             for wall, depth, inwards in ((low, first, 1), (high, niche.both - first, -1)):
                 across = wall + inwards * depth / 2
-                placed.append(_in_corridor(niche, between(*niche.between), across, depth, between(*niche.length)))
+                placed.append(_is_in_corridor(niche, between(*niche.between), across, depth, between(*niche.length)))
         else:
             length, depth = between(*niche.length), between(*niche.depth)
             across = low + depth / 2 if rng.random() < 0.5 else high - depth / 2
-            placed.append(_in_corridor(niche, between(*niche.between), across, depth, length))
+            placed.append(_is_in_corridor(niche, between(*niche.between), across, depth, length))
     return placed
 
 
-def _in_corridor(niche: Niche, along: float, across: float, depth: float, length: float) -> Box:
+def _is_in_corridor(niche: Niche, along: float, across: float, depth: float, length: float) -> Box:
     return Box(along, across, length, depth) if niche.along == "x" else Box(across, along, depth, length)
 
 

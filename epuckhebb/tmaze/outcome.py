@@ -1,6 +1,6 @@
 """The outcome of a lifetime: success, the end at which the robot is, and all other metrics.
 
-Success is decided in `outcomes_of`: the robot is within 5 cm of its goal at the last step.
+Success is decided in `measure_outcomes`: the robot is within 5 cm of its goal at the last step.
 """
 
 import math
@@ -87,7 +87,7 @@ class OutcomeOfTrials(Outcome):
         return self._trials
 
 
-def outcomes_of(
+def measure_outcomes(
     lives: Life, world: Scenario, side: Side, at_start: Sequence[float], bound: float, poses: Sequence[Sequence[float]]
 ) -> list[Outcome]:
     """The metrics of lifetimes so far, of one step or more.
@@ -123,7 +123,7 @@ def outcomes_of(
     if world.fitness.is_own:
         for k, outcome in enumerate(outcomes):
             facts = {**outcome._asdict(), "paper": outcome.fitness, "trials": readonly(trials[k])}
-            outcomes[k] = outcome._replace(fitness=world.fitness.of_lifetime(facts, lives.score[k]))
+            outcomes[k] = outcome._replace(fitness=world.fitness.judge_lifetime(facts, lives.score[k]))
     if world.task.has_trials:
         for k, outcome in enumerate(outcomes):
             outcomes[k] = of_trials = OutcomeOfTrials(*outcome)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.controller.compiling.errors import PartError
 from epuckhebb.controller.compiling.kernel import zero
-from epuckhebb.controller.own_class import OwnClass, calling, number_of
+from epuckhebb.controller.own_class import OwnClass, calling, make_number_call
 
 PAPER = "paper"
 _OF_STEP = {  # the arguments that `step` may have, and how the kernel has them
@@ -132,7 +132,7 @@ class Fitness(OwnClass):
             record[name] = value
         return record
 
-    def of_lifetime(self, facts: Mapping[str, Any], state: NDArray[np.void]) -> float:
+    def judge_lifetime(self, facts: Mapping[str, Any], state: NDArray[np.void]) -> float:
         """The fitness of a lifetime. facts: the values of the arguments `paper` to `trials`, and others, by name.
 
         Raises:
@@ -169,9 +169,9 @@ def scored(fitness: Fitness) -> type[Fitness]:
     return type(fitness) if fitness.step else Fitness
 
 
-def score_of(kind: type[Fitness]) -> Score:
+def make_score(kind: type[Fitness]) -> Score:
     """The function `score(tally, state, numbers, left, ..., time_s)` that gives the value of a step."""
     made: Score = zero
     if kind.step is not None:
-        made = number_of(kind, kind.step, kind.arguments("step"), _OF_STEP, _ARGUMENTS, "numbers")
+        made = make_number_call(kind, kind.step, kind.arguments("step"), _OF_STEP, _ARGUMENTS, "numbers")
     return made

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled, nothing, written
-from epuckhebb.controller.own_class import OwnClass, call_of, namedtuple_of, number
+from epuckhebb.controller.own_class import OwnClass, make_call, namedtuple_of, number
 from epuckhebb.controller.ranges import within
 from epuckhebb.tmaze.sensors import Kernels, SensorGroup, Surroundings
 
@@ -72,7 +72,7 @@ class Sensor(SensorGroup, OwnClass):
             noisy = value + around.noise_level * noise * around.noise[first + k]
             readings[first + k] = min(1.0, max(0.0, noisy))
 
-        parts = {"values": call_of(type(self).read, self.arguments("read"), _OF_READ, "around", by=by)}
+        parts = {"values": make_call(type(self).read, self.arguments("read"), _OF_READ, "around", by=by)}
         # The calls are written out, because the values of a tuple may be of several types.
         puts = ", ".join(f"put({k}, number(values[{k}]), around, scratch, readings)" for k in range(self.count))
         own = {"put": put, "number": number}

@@ -97,7 +97,7 @@ class Robot:
         """Its distance sensors."""
         return next(group for group in self.sensors if isinstance(group, DistanceSensors))
 
-    def inputs_of(self, group: SensorGroup) -> slice:
+    def input_places(self, group: SensorGroup) -> slice:
         """Where the readings of a group are among the network's inputs."""
         place = [one.name for one in self.sensors].index(group.name)
         first = sum(one.count for one in self.sensors[:place])

@@ -9,7 +9,7 @@ import numpy as np
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.ranges import Range, check_value, within
 from epuckhebb.controller.ranges import check as check_ranges
-from epuckhebb.tmaze.changes import AT_ONCE, GROUPED, check_changes, check_kind, check_placed, check_room, step_of
+from epuckhebb.tmaze.changes import AT_ONCE, GROUPED, check_changes, check_kind, check_placed, check_room, first_step
 from epuckhebb.tmaze.faults import LONGEST_DELAY
 from epuckhebb.tmaze.life import LONGEST_S, Lifetime
 from epuckhebb.tmaze.light import BRIGHTEST, Lamp
@@ -123,7 +123,7 @@ class Scenario:
         """All changes in the order of the steps from which they hold, by hand before planned, each with its key."""
         events = [(f"scenario.hand[{number}]", change) for number, change in enumerate(self.hand)]
         events += [(f"scenario.changes[{number}]", change) for number, change in enumerate(self.changes)]
-        return sorted(events, key=lambda event: step_of(event[1])) if self.hand else events
+        return sorted(events, key=lambda event: first_step(event[1])) if self.hand else events
 
     def changed(self, change: Mapping[str, Any]) -> "Scenario":
         """This world after a change, without changes of its own; what happens at once happens with this one alone.
@@ -172,7 +172,7 @@ class Scenario:
         """The worlds of a lifetime, each with the control step from which on it holds."""
         phases = [(0, replace(self, changes=(), hand=()) if self.changes or self.hand else self)]
         for _, change in self.events:
-            phases.append((step_of(change), phases[-1][1].changed(change)))
+            phases.append((first_step(change), phases[-1][1].changed(change)))
         return phases
 
     def check_lifetime(self, lifetime: Lifetime) -> None:

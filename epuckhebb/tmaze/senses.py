@@ -54,7 +54,7 @@ def senses(robot: Robot, physics: Physics) -> Sense:
     for k, group in enumerate(robot.sensors):
         ring_of = rings.index(group.places) if isinstance(group, RimSensors) else 0
         own = f"around, rays[{ring_of}], scratch[{k}]"
-        parts[f"read_{k}"], parts[f"look_{k}"] = physics.kernels(group, robot.inputs_of(group).start, robot.radius_m)
+        parts[f"read_{k}"], parts[f"look_{k}"] = physics.kernels(group, robot.input_places(group).start, robot.radius_m)
         look.append(f"look_{k}({own})")
         read.append(f"read_{k}({own}, readings)")
     # The calls are written out, because each group has its own functions. All groups look before any reads: a group
@@ -91,7 +91,7 @@ def _rings(robot: Robot) -> list[tuple[Place, ...]]:
 def blinding(robot: Robot) -> Callable[[Floats, NDArray[np.int64]], None]:
     """The function that makes the sensors of these numbers dead, in all groups: they sense the dark, and no wall."""
     on_rim = [group for group in robot.sensors if isinstance(group, RimSensors)]
-    firsts = np.array([robot.inputs_of(group).start for group in on_rim])
+    firsts = np.array([robot.input_places(group).start for group in on_rim])
     counts = np.array([group.count for group in on_rim])
     dead = np.array([group.dead for group in on_rim])
 
@@ -109,7 +109,7 @@ def blinding(robot: Robot) -> Callable[[Floats, NDArray[np.int64]], None]:
 @cache
 def largest_distance_reading(robot: Robot) -> Callable[[Floats], float]:
     """The function that gives the largest of a robot's distance readings."""
-    inputs = robot.inputs_of(robot.distance)
+    inputs = robot.input_places(robot.distance)
     first, end = inputs.start, inputs.stop
 
     @compiled

@@ -55,7 +55,7 @@ class Session:
             )
         self._master: Session | None = None
         if master is not None:
-            self._master = Session(master, world, self.lifetime, simulator=simulator.of_masters)
+            self._master = Session(master, world, self.lifetime, simulator=simulator.with_masters)
         leads = None if self._master is None else self._master.block
         self.block: Block = Block([individual, *others], self.lifetime, simulator, history=history, master=leads)
         self.life: Life = self.block.life
@@ -127,7 +127,7 @@ class Session:
                 raise ValueError(f"the {kind} may not change during a lifetime: got {new.name} for {old.name}")
         if self._master is not None:
             self._master.change(world)
-        self._phases = self._simulator.phases_of(world, self.steps, self._phase)
+        self._phases = self._simulator.make_phases(world, self.steps, self._phase)
         self._enter(self._phases.pop(0))
 
     def look(self) -> Floats:

@@ -10,24 +10,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.compiling.kernel import SameTypes, compiled, kernel, nothing, with_parts
-from epuckhebb.controller.genome import GenomePlan, plan_of
+from epuckhebb.controller.compiling.kernel import SameTypes, bind_parts, compiled, kernel, nothing
+from epuckhebb.controller.genome import GenomePlan, make_plan
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import stored
 from epuckhebb.controller.plasticity.control import Control, Sign, signs
-from epuckhebb.controller.plasticity.rule import EVERY_STEP, Rule, Schedule, schedule_of
+from epuckhebb.controller.plasticity.rule import EVERY_STEP, Rule, Schedule, make_schedule
 from epuckhebb.controller.plasticity.rules.paper import Paper
-from epuckhebb.controller.plasticity.update import Workspace, controller_parts, workspace_for
+from epuckhebb.controller.plasticity.update import Workspace, controller_parts, make_workspace
 from epuckhebb.controller.random import normal_numbers
 from epuckhebb.tmaze.changes import AT_ONCE
-from epuckhebb.tmaze.faults import faults_of, sensor_faults
+from epuckhebb.tmaze.faults import make_faults, sensor_faults
 from epuckhebb.tmaze.fitness import initial_history, signal_number
 from epuckhebb.tmaze.individual import Controller, NoAdaptation
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.lifetime import decide, live, live_in_turn, perceive, settle
 from epuckhebb.tmaze.light import lights
 from epuckhebb.tmaze.maze import Pose, Region, Side
-from epuckhebb.tmaze.own_fitness import score_of, scored
+from epuckhebb.tmaze.own_fitness import make_score, scored
 from epuckhebb.tmaze.physics_engine import Space
 from epuckhebb.tmaze.robot import OUTPUTS
 from epuckhebb.tmaze.scenario import Scenario
@@ -76,16 +76,16 @@ class Simulator:
 
     def __init__(self, world: Scenario, lifetime: Lifetime, fallback_rule: Rule = _PAPER, kept: int = 0) -> None:
         self.world, self.lifetime, self._fallback_rule, self._kept = world, lifetime, fallback_rule, kept
-        self.phases = self.phases_of(world)
+        self.phases = self.make_phases(world)
         self._kinds: dict[tuple[int, int], Kind] = {}
         self._room: dict[int, Floats] = {}  # for changes of so many weights
 
     @cached_property
-    def of_masters(self) -> "Simulator":
+    def with_masters(self) -> "Simulator":
         """Another one, for lifetimes that others follow meanwhile: it keeps all changes of their weights."""
         return Simulator(self.world, self.lifetime, self._fallback_rule, self.lifetime.steps)
 
-    def phases_of(self, world: Scenario, since: int = 0, before: Phase | None = None) -> list[Phase]:
+    def make_phases(self, world: Scenario, since: int = 0, before: Phase | None = None) -> list[Phase]:
         """The phases of a world from step `since` on. before: the phase until then."""
         begins = world.phases
         steps = [step for step, _ in begins]
@@ -105,8 +105,8 @@ class Simulator:
     def kernel(self, page: Callable[..., None], controller: Controller, network: Network) -> Any:
         """A function of `lifetime.py`, compiled for such individuals in this world."""
         rule = self._fallback_rule if controller.is_ga_alone else controller.rule
-        schedule = schedule_of(rule)._replace(tracks=self._kept > 0)
-        return kernel_of(type(rule), controller.adaptation, network, self.world, page, schedule)
+        schedule = make_schedule(rule)._replace(tracks=self._kept > 0)
+        return lifetime_kernel(type(rule), controller.adaptation, network, self.world, page, schedule)
 
     def kind_of(self, controller: Controller, network: Network) -> Kind:
         """What individuals with this controller and network share."""
@@ -131,17 +131,17 @@ class Simulator:
                 "adaptation": adaptation.numbers(),
                 "nominal": adaptation.no_nominal(robot),
             },
-            plan=plan_of(network, type(rule)),
+            plan=make_plan(network, type(rule)),
             synapse_state=stored(compiled_for.synapse_state, network.synapses),
             signs=None if rule.sign is Sign.shuffled else signs(rule.sign, network.synapses),
-            workspace=workspace_for(network),
+            workspace=make_workspace(network),
             senses=sense_workspace(robot, self.world.physics),
             kept=self._room.setdefault(network.synapses, room) if self._kept else None,
         )
         return kind
 
 
-def kernel_of(
+def lifetime_kernel(
     rule: type[Rule],
     adaptation: NoAdaptation,
     network: Network,
@@ -164,7 +164,7 @@ def kernel_of(
         "OUTPUT": network.first_output,
         "HAS_TRIALS": task.has_trials,
         "HAS_SCORE": scoring.step is not None,
-        "score": score_of(scoring),
+        "score": make_score(scoring),
         "sense": senses(robot, physics),
         "blind": blinding(robot),
         "nearest": largest_distance_reading(robot),
@@ -179,7 +179,7 @@ def kernel_of(
         "record_tilt": physics.record_tilt(),
     }
     for block in (perceive, decide, settle, live):
-        parts[block.__name__] = compiled(with_parts(block, parts))
+        parts[block.__name__] = compiled(bind_parts(block, parts))
     _kernels[page, values] = made = kernel(page, values, **parts)
     return made
 
@@ -206,7 +206,7 @@ def world_setup(world: Scenario, side: Side, start: Pose) -> dict[str, Any]:
         "goal_radius": float(maze.goal_radius_m),
         "arm": _NOWHERE if task.has_trials else Region(*map(float, maze.arms[side])),
         "arena": float(maze.arena_m),
-        "faults": faults_of(world),
+        "faults": make_faults(world),
         "terms": task.terms(goals, start),
         "fitness": world.fitness.numbers() if world.fitness.step else (),
     }

@@ -20,8 +20,8 @@ from epuckhebb.controller.compiling.errors import explained
 from epuckhebb.controller.compiling.kernel import SameTypes, compiled, kernel, written
 from epuckhebb.controller.controller import Controller, State, step_parts
 from epuckhebb.controller.network import Network
-from epuckhebb.controller.own_class import building_block, namedtuple_of, number, own_of
-from epuckhebb.controller.plasticity.rule import Rule, Schedule, schedule_of
+from epuckhebb.controller.own_class import building_block, namedtuple_of, number, user_classes
+from epuckhebb.controller.plasticity.rule import Rule, Schedule, make_schedule
 from epuckhebb.controller.random import Stream
 from epuckhebb.controller.ranges import check
 from epuckhebb.worlds.changes import AT, Faults
@@ -172,7 +172,7 @@ class Compiled(gymnasium.Env[Floats, Any]):
             self._kind,
             rule,
             network,
-            schedule_of(controller.rule),
+            make_schedule(controller.rule),
             settings.reads_reward,
             settings.learns_after_move,
         )
@@ -207,7 +207,7 @@ class Compiled(gymnasium.Env[Floats, Any]):
         try:
             function.call(*arguments)
         except Exception as error:  # of numba, or of an index beyond an array
-            others = [] if part is None else own_of([part.rule, part.network.wiring])
+            others = [] if part is None else user_classes([part.rule, part.network.wiring])
             raise explained([type(self), *others], error) from error
 
 

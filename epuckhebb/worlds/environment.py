@@ -26,7 +26,7 @@ from epuckhebb.controller.own_class import calling
 from epuckhebb.controller.random import Stream, rng
 from epuckhebb.controller.ranges import check, within
 from epuckhebb.worlds.changes import AT, CHANGES, DEAD, DELAY, FUNCTION, Faults, apply
-from epuckhebb.worlds.spaces import Reader, actor, parts_of
+from epuckhebb.worlds.spaces import Reader, actor, space_parts
 from epuckhebb.worlds.trial import Findings, try_world
 
 _LONGEST = 1_000_000  # steps
@@ -143,7 +143,7 @@ class World:
     @cached_property
     def outputs(self) -> int:
         """The number of outputs that make an action."""
-        return sum(part.size for part in parts_of(self.actions, f"environment {self.name}: actions"))
+        return sum(part.size for part in space_parts(self.actions, f"environment {self.name}: actions"))
 
     @property
     def actions(self) -> Any:

@@ -30,7 +30,7 @@ from epuckhebb.worlds.compiled import Compiled
 from epuckhebb.worlds.foragers import BLUE, FORAGERS, GREEN, earned
 
 ID = "epuckhebb/Foraging-v0"
-_PIXELS = 16  # of a cell, in a picture
+_PIXELS = 32  # of a cell, in a picture
 _COLOURS = {"ground": (245, 245, 240), "green": (0, 158, 115), "blue": (0, 114, 178), "robot": (40, 40, 40)}
 ROW, COLUMN, HEADING, STEP, SEASON, EATEN = range(6)  # of a robot; headings are 0 up, 1 right, 2 down, 3 left
 
@@ -189,7 +189,7 @@ class Foraging(Compiled):
         image = image.repeat(_PIXELS, 0).repeat(_PIXELS, 1)
         nose = beside(0, 0, state.robot[HEADING])
         middle = [int(_PIXELS * (state.robot[k] + 0.5 + 0.3 * nose[k])) for k in (ROW, COLUMN)]
-        image[middle[0] - 2 : middle[0] + 2, middle[1] - 2 : middle[1] + 2] = 255
+        image[middle[0] - 4 : middle[0] + 4, middle[1] - 4 : middle[1] + 4] = 255
         return image
 
 

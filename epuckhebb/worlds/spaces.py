@@ -55,7 +55,7 @@ class Part(NamedTuple):
         return [path] if self.kind == "Box" else [f"{path}={number}" for number in range(self.size)]
 
 
-def parts_of(space: Any, what: str) -> list[Part]:
+def space_parts(space: Any, what: str) -> list[Part]:
     """The parts of a space in its order, without texts.
 
     Raises:
@@ -71,7 +71,7 @@ def parts_of(space: Any, what: str) -> list[Part]:
     return found
 
 
-def texts_of(space: Any) -> list[str]:
+def text_places(space: Any) -> list[str]:
     """Where a space has texts, which are left out."""
     return [".".join(map(str, part.path)) for part in _walk(space, ()) if part.kind == _TEXT]
 
@@ -119,7 +119,7 @@ class Reader:
     def __init__(
         self, space: Any, given: Any = None, what: str = "observations", *, reads_reward: bool = False
     ) -> None:
-        self._parts = parts_of(space, what)
+        self._parts = space_parts(space, what)
         self.names = [name for part in self._parts for name in part.names]
         self.is_measured = np.repeat([part.kind == "Box" for part in self._parts], [part.size for part in self._parts])
         self.scale = np.concatenate([_usual_scale(part) for part in self._parts])

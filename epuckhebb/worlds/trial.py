@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.random import Stream, rng
 from epuckhebb.worlds.changes import AT
-from epuckhebb.worlds.spaces import Reader, texts_of, unbounded
+from epuckhebb.worlds.spaces import Reader, text_places, unbounded
 
 if TYPE_CHECKING:
     from epuckhebb.worlds.environment import World
@@ -121,7 +121,7 @@ def _changes(world: "World", before: _Seen) -> list[str]:
 
 def _texts(world: "World") -> list[str]:
     """A note on texts, which no controller reads."""
-    places = texts_of(world.observations)
+    places = text_places(world.observations)
     return [f"Texts of observations are left out: {', '.join(places)}."] if places else []
 
 

@@ -102,7 +102,7 @@ def kernel(function: Function, values: object, **parts: object) -> Function:
 
     values: all that the parts are made from, such as network, robot and the class of a rule.
     """
-    made = with_parts(function, parts)
+    made = bind_parts(function, parts)
     with suppress(UnknownSourceError):
         key = kernel_key(values)
         made.__qualname__ = f"{function.__name__}_{key}"  # symbols of kernels in one process must differ
@@ -150,7 +150,7 @@ def _stored(made: types.FunctionType, key: str) -> Any:
     return dispatcher
 
 
-def with_parts(function: Callable[..., Any], parts: dict[str, Any]) -> types.FunctionType:
+def bind_parts(function: Callable[..., Any], parts: dict[str, Any]) -> types.FunctionType:
     """A copy of a function with these parts in place of its module's global names."""
     code = cast(types.FunctionType, function)
     return types.FunctionType(code.__code__, {**code.__globals__, **parts}, code.__name__)
@@ -178,7 +178,7 @@ def _tolerate_damage(cache: Any) -> None:
     cache.load_overload, cache.save_overload = load_or_none, save_if_possible
 
 
-def in_module(function: Function, name: str) -> Function:
+def move_to_module(function: Function, name: str) -> Function:
     """A copy of a function that belongs to another module: a cached kernel must not need the user's file by name."""
     copy = types.FunctionType(
         function.__code__, function.__globals__, function.__name__, function.__defaults__, function.__closure__

@@ -15,15 +15,15 @@ _TUPLE: Any = types.BaseTuple
 
 def readonly(value: Any) -> Any:
     """An array, or a record of arrays, in a form that cannot be written: numba refuses to compile a store."""
-    return with_arrays(value, _readonly_view)
+    return map_arrays(value, _readonly_view)
 
 
-def with_arrays(value: Any, make: Callable[[Any], Any]) -> Any:
+def map_arrays(value: Any, make: Callable[[Any], Any]) -> Any:
     """An array, or a record of arrays and of such records, with what `make` gives in place of each array."""
     if isinstance(value, np.ndarray):
         return make(value)
     if isinstance(value, tuple):
-        values = [with_arrays(one, make) for one in value]
+        values = [map_arrays(one, make) for one in value]
         return type(value)(*values) if hasattr(value, "_fields") else tuple(values)
     return value
 
@@ -34,13 +34,13 @@ def _readonly_view(array: Any) -> Any:
     return view
 
 
-def _of_type(kind: Any) -> Any:
+def _map_type(kind: Any) -> Any:
     if isinstance(kind, types.Array):
         return kind.copy(readonly=True)
     if isinstance(kind, _RECORD):
-        return _TUPLE.from_types([_of_type(one) for one in kind.types], kind.instance_class)
+        return _TUPLE.from_types([_map_type(one) for one in kind.types], kind.instance_class)
     return kind
 
 
-_type_callable(readonly)(lambda _context: _of_type)
+_type_callable(readonly)(lambda _context: _map_type)
 _lower(readonly, types.Any)(lambda _context, _builder, _signature, arguments: arguments[0])

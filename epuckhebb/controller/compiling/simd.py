@@ -40,7 +40,7 @@ _numba.extending.register_model(_Four)(
 )
 
 
-def _in_kernels(result: Any, instructions: Callable[..., Any]) -> Callable[[Any], Any]:
+def _inline(result: Any, instructions: Callable[..., Any]) -> Callable[[Any], Any]:
     """Let kernels have LLVM's instructions in place of a plain function.
 
     instructions: a function of LLVM's builder and of the arguments, arrays as pointers to their numbers.
@@ -88,31 +88,31 @@ def whole(count: int) -> int:
     return -(-count // WIDTH) * WIDTH
 
 
-@_in_kernels(_FOUR, _copies)
+@_inline(_FOUR, _copies)
 def alike(number: float) -> Any:
     """Four times the same number."""
     return np.full(WIDTH, number)
 
 
-@_in_kernels(_FOUR, lambda builder, numbers, first: builder.load(_place(builder, numbers, first), align=8))
+@_inline(_FOUR, lambda builder, numbers, first: builder.load(_place(builder, numbers, first), align=8))
 def read(numbers: Floats, first: int) -> Any:
     """The four numbers of an array from a place on. In a kernel nothing checks that it has as many."""
     return numbers[first : first + WIDTH].copy()
 
 
-@_in_kernels(types.none, lambda builder, numbers, first, four: builder.store(four, _place(builder, numbers, first), 8))
+@_inline(types.none, lambda builder, numbers, first, four: builder.store(four, _place(builder, numbers, first), 8))
 def write(numbers: Floats, first: int, four: Any) -> None:
     """Write four numbers into an array from a place on. In a kernel nothing checks that there is room for them."""
     numbers[first : first + WIDTH] = four
 
 
-@_in_kernels(_FOUR, lambda builder, one, other: builder.fmul(one, other))
+@_inline(_FOUR, lambda builder, one, other: builder.fmul(one, other))
 def times(one: Any, other: Any) -> Any:
     """The products of four numbers and four others."""
     return one * other
 
 
-@_in_kernels(_FOUR, lambda builder, one, other: builder.fadd(one, other))
+@_inline(_FOUR, lambda builder, one, other: builder.fadd(one, other))
 def plus(one: Any, other: Any) -> Any:
     """The sums of four numbers and four others."""
     return one + other

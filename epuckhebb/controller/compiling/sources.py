@@ -48,23 +48,25 @@ def own_code(values: object) -> str:
     """A digest of the users' files that the classes of these values are from, and of the places of these classes."""
     digests = []
     for package in _packages(values):
-        beside = sources_in(package).values() if package.startswith(OWN_PACKAGE) else ()
+        beside = loaded_sources(package).values() if package.startswith(OWN_PACKAGE) else ()
         held = (
-            part for name, module in modules_in(package).items() for part in (name.partition(".")[2], *_held(module))
+            part
+            for name, module in loaded_modules(package).items()
+            for part in (name.partition(".")[2], *_held(module))
         )
         digests.append(_digest(*beside, *held, *(content for _, content in sorted(sources_elsewhere(package).items()))))
     return _digest(*sorted(digests), *(place for kind in _foreign(values) for place in _places(kind)))
 
 
-def modules_in(package: str) -> dict[str, ModuleType]:
+def loaded_modules(package: str) -> dict[str, ModuleType]:
     """The modules of a package that are loaded, by their names, in the order of these."""
     return {name: module for name, module in sorted(sys.modules.items()) if name.partition(".")[0] == package}
 
 
-def sources_in(package: str) -> dict[Path, bytes]:
+def loaded_sources(package: str) -> dict[Path, bytes]:
     """The files of a package that are loaded. Their content is that of the first time that this process asked."""
-    files = {module: getattr(module, "__file__", None) for module in modules_in(package).values()}
-    return {Path(file): _as_imported(module, Path(file)) for module, file in files.items() if file}
+    files = {module: getattr(module, "__file__", None) for module in loaded_modules(package).values()}
+    return {Path(file): _imported_content(module, Path(file)) for module, file in files.items() if file}
 
 
 def file_of(module: ModuleType | None) -> Path | None:
@@ -79,7 +81,7 @@ def sources_elsewhere(package: str) -> dict[str, bytes]:
     Such as a helper on `PYTHONPATH`. Their content is that of the first time that this process asked.
     """
     sources: dict[str, bytes] = {}
-    waiting = list(modules_in(package).values())
+    waiting = list(loaded_modules(package).values())
     seen = {module.__name__ for module in waiting}
     while waiting:
         for value in list(vars(waiting.pop()).values()):
@@ -89,7 +91,7 @@ def sources_elsewhere(package: str) -> dict[str, bytes]:
                 continue
             seen.add(name)
             if not is_installed(file):
-                sources[str(file)] = _as_imported(used, file)
+                sources[str(file)] = _imported_content(used, file)
                 waiting.append(used)
     return sources
 
@@ -100,7 +102,7 @@ def is_installed(file: Path) -> bool:
 
 
 @functools.cache
-def _as_imported(_module: ModuleType, file: Path) -> bytes:
+def _imported_content(_module: ModuleType, file: Path) -> bytes:
     """The content of a module's file, which may be edited after it was imported."""
     return file.read_bytes()
 
@@ -120,7 +122,7 @@ def _places(kind: type) -> list[str]:
 
     A class that none holds, as one in a list of a notebook, is known in this process alone.
     """
-    modules = modules_in(kind.__module__.partition(".")[0]).items()
+    modules = loaded_modules(kind.__module__.partition(".")[0]).items()
     held = ((module.partition(".")[2], name, value) for module, one in modules for name, value in vars(one).items())
     return [f"{module} {name}" for module, name, value in held if value is kind] or [str(id(kind))]
 

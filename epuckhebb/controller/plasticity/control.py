@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled, nothing
 from epuckhebb.controller.network import Network
-from epuckhebb.controller.plasticity.weight_change import total_of, weight_change
+from epuckhebb.controller.plasticity.weight_change import make_total, weight_change
 from epuckhebb.controller.random import Stream, rng
 
 DRAWS = 5  # of random signs and places
@@ -103,14 +103,14 @@ def yoking(control: Control, network: Network, draw: int, genome: int) -> Yoking
 
 
 @cache
-def tracking_of(network: Network) -> tuple[Callable[..., None], Callable[..., float]]:
+def make_tracking(network: Network) -> tuple[Callable[..., None], Callable[..., float]]:
     """The functions before and after the updates of a step, for lifetimes with a `Track`.
 
     `begin_updates(weights, track, step)` keeps the weights. `end_updates(weights, genes, track, step, change, before)`
     keeps them again, or moves those of a yoked lifetime; it returns the weight change, which is `before` if the
     lifetime is not yoked. change: workspace.
     """
-    synapses, total = network.synapses, total_of(network)
+    synapses, total = network.synapses, make_total(network)
 
     @compiled
     def begin_updates(weights: Floats, track: Track, step: int) -> None:

@@ -184,12 +184,12 @@ class NoRule(Rule):
 NO_RULE = NoRule()
 
 
-def schedule_of(rule: Rule) -> Schedule:
+def make_schedule(rule: Rule) -> Schedule:
     """What decides, besides the class of a rule, how its kernel is compiled."""
     return Schedule(rule.normalise, rule.average > 1, rule.every > 1, freezes=rule.acts is Acts.before_change)
 
 
-def bound_of(rule: Rule) -> float:
+def weight_bound(rule: Rule) -> float:
     """The largest absolute value that a weight can have after an update; infinite where there is none."""
     if isinstance(rule, NoRule):
         return math.inf
@@ -209,7 +209,7 @@ def coefficient_names(rule: type[Rule]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def evolved_by(rule: type[Rule], network: Network) -> dict[str, Evolved]:
+def evolvable_parameters(rule: type[Rule], network: Network) -> dict[str, Evolved]:
     """The parameters of a rule that are evolved with a network, by name."""
     return {**rule.evolved, **(rule.with_reward if network.rewarded else {})}
 
@@ -217,7 +217,7 @@ def evolved_by(rule: type[Rule], network: Network) -> dict[str, Evolved]:
 def values_of(rule: type[Rule], network: Network, genes: Mapping[str, Floats]) -> dict[str, Floats]:
     """The values of all parts of a genome by name: the genes, or what `Evolved.value` makes of them."""
     values = dict(genes)
-    for name, evolved in evolved_by(rule, network).items():
+    for name, evolved in evolvable_parameters(rule, network).items():
         if evolved.value is not None:
             values[name] = evolved.value(readonly(genes[name]))
     return values
@@ -234,7 +234,7 @@ def evolved_sizes(rule: type[Rule], network: Network) -> dict[str, int]:
         MODULATOR: network.layers[-2] + 1,
         REWARD: 1,
     }
-    parameters = evolved_by(rule, network)
+    parameters = evolvable_parameters(rule, network)
     for name, evolved in parameters.items():
         if evolved.per not in per and not (isinstance(evolved.per, int) and evolved.per > 0):
             raise ValueError(f"rule {rule.__name__}: {name} is evolved per {evolved.per}, not {', '.join(per)}")
@@ -249,9 +249,9 @@ def check_layers(rule: type[Rule], network: Network) -> None:
     """Refuse a rule that works layer by layer for a network without layers; a ValueError."""
     if network.wiring is None:
         return
-    needs = [name for name, evolved in evolved_by(rule, network).items() if evolved.per == "layer"]
+    needs = [name for name, evolved in evolvable_parameters(rule, network).items() if evolved.per == "layer"]
     why = f"has {needs[0]} for each layer" if needs else ""
-    why = "has a modulatory neuron, which receives the layer before the wheels" if modulator_of(rule) else why
+    why = "has a modulatory neuron, which receives the layer before the wheels" if modulator_name(rule) else why
     if why:
         raise ValueError(f"rule {name_of(rule)} {why}; network.wiring={network.wiring.name} has no layers")
 
@@ -281,7 +281,7 @@ def coefficients(rule: type[Rule], network: Network, genes: Mapping[str, Floats]
 
 def modulatory_weights(rule: type[Rule], genes: Mapping[str, Floats], reward: Reward = Reward.given) -> Floats:
     """The weights of a rule's modulatory neuron: from neurons, its bias, from the reward input if any; or none."""
-    name = modulator_of(rule)
+    name = modulator_name(rule)
     if name is None:
         return np.empty(0)
     of_reward = [genes[one] for one, evolved in rule.with_reward.items() if evolved.per == REWARD and one in genes]
@@ -294,6 +294,6 @@ def receives_reward(rule: type[Rule]) -> bool:
     return any(evolved.per == REWARD for evolved in rule.with_reward.values())
 
 
-def modulator_of(rule: type[Rule]) -> str | None:
+def modulator_name(rule: type[Rule]) -> str | None:
     """The name of the weights of a rule's modulatory neuron; None if it has none."""
     return next((name for name, evolved in rule.evolved.items() if evolved.per == MODULATOR), None)

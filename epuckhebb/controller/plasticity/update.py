@@ -20,9 +20,9 @@ from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled, in_turn, nothing, one, written, zero
 from epuckhebb.controller.compiling.simd import WIDTH, alike, read, times, write
 from epuckhebb.controller.forward_pass import forward_pass
-from epuckhebb.controller.network import Network, by_layer, tanh
-from epuckhebb.controller.own_class import call_of, namedtuple_of, number
-from epuckhebb.controller.plasticity.control import NO_TRACKING, tracking_of
+from epuckhebb.controller.network import Network, split_layers, tanh
+from epuckhebb.controller.own_class import make_call, namedtuple_of, number
+from epuckhebb.controller.plasticity.control import NO_TRACKING, make_tracking
 from epuckhebb.controller.plasticity.rule import (
     EVERY_STEP,
     Normalise,
@@ -30,10 +30,10 @@ from epuckhebb.controller.plasticity.rule import (
     Rule,
     Schedule,
     coefficient_names,
-    modulator_of,
+    modulator_name,
     receives_reward,
 )
-from epuckhebb.controller.plasticity.weight_change import total_of, weight_change, weight_change_workspace
+from epuckhebb.controller.plasticity.weight_change import make_total, weight_change, weight_change_workspace
 
 PRE, POST, CORRELATION = range(3)  # rows of the workspace of an update
 
@@ -128,7 +128,7 @@ def initial_lengths(rule: Rule, network: Network, genes: Floats) -> Floats:
     if rule.normalise is not Normalise.length:
         return np.empty(0)
     inputs = np.zeros(network.inputs + 1)
-    return np.concatenate([inputs, *(np.linalg.norm(layer, axis=0) for layer in by_layer(network, genes))])
+    return np.concatenate([inputs, *(np.linalg.norm(layer, axis=0) for layer in split_layers(network, genes))])
 
 
 class StepContext(NamedTuple):
@@ -150,7 +150,7 @@ class Workspace(NamedTuple):
     mean: Floats
 
 
-def workspace_for(network: Network) -> Workspace:
+def make_workspace(network: Network) -> Workspace:
     """Workspace for this network."""
     return Workspace(
         drive=np.empty(network.neurons),
@@ -165,14 +165,14 @@ Update = Callable[..., float]
 Modulate = Callable[[Floats, Floats], float]
 
 
-def modulation_of(rule: type[Rule], network: Network) -> Modulate:
+def make_modulation(rule: type[Rule], network: Network) -> Modulate:
     """The function `modulate(modulatory, activation)`: the factor on all updates of a step.
 
     It is the output tanh(m / 2) of a modulatory neuron, m = v . h + v0, h: the neurons of the layer before the wheels.
     With a reward input r, m = v . h + v0 + vr r if the rule has vr. 1 for a rule without a modulatory neuron.
     modulatory: v, v0, vr. activation: (neurons,).
     """
-    if modulator_of(rule) is None:
+    if modulator_name(rule) is None:
         return one
     hidden, first = network.layers[-2], network.first_neuron[-2]
     rewarded, reward = network.rewarded and receives_reward(rule), network.inputs - 1
@@ -226,7 +226,7 @@ def pausing(rule: type[Rule], schedule: Schedule) -> Any:
     return compiled(lambda step, numbers: (step + 1) % numbers[place] == 0.0)
 
 
-def update_of(rule: type[Rule], network: Network, schedule: Schedule = EVERY_STEP) -> Update:
+def make_update(rule: type[Rule], network: Network, schedule: Schedule = EVERY_STEP) -> Update:
     """The function that updates all weights of a network once by a rule, and returns the weight change.
 
     The function is `learn(weights, synapse_state, genotype, activation, rate, now, numbers, workspace)`: weights
@@ -255,7 +255,7 @@ def update_of(rule: type[Rule], network: Network, schedule: Schedule = EVERY_STE
         **{name: f"alike[{row}]" if alike else f"genotype.coefficients[{row}, k]" for row, name in enumerate(evolved)},
     }
     given = "k, weights, synapse_state, genotype, alike, now, room, by"
-    call = call_of(rule.synapse, names, how, given)
+    call = make_call(rule.synapse, names, how, given)
     direction = written(given, f"number(call({given}))", {"number": number, "call": call})
     # Coefficients that all synapses share are read once.
     read = "".join(f"coefficients[{row}, 0], " for row in range(len(evolved))) if alike and evolved else "0.0,"
@@ -266,7 +266,7 @@ def update_of(rule: type[Rule], network: Network, schedule: Schedule = EVERY_STE
     normalises, normalise = schedule.normalise is not Normalise.none, nothing
     if normalises:
         normalise = in_turn(_NORMALISE[schedule.normalise], network.connections, "weights, lengths, w_max")
-    synapses, total = network.synapses, total_of(network)
+    synapses, total = network.synapses, make_total(network)
 
     @compiled
     def learn(
@@ -300,15 +300,15 @@ def update_of(rule: type[Rule], network: Network, schedule: Schedule = EVERY_STE
 
 def controller_parts(rule: type[Rule], network: Network, schedule: Schedule) -> dict[str, Any]:
     """The parts of a step that act and learn, by their names in a page such as `epuckhebb.tmaze.lifetime`."""
-    begin_updates, end_updates = tracking_of(network) if schedule.tracks else NO_TRACKING
+    begin_updates, end_updates = make_tracking(network) if schedule.tracks else NO_TRACKING
     return {
         "SUBSTEPS": network.substeps,
         "HAS_RULE": rule is not NoRule,
         "forward": forward_pass(network),
         "average": averaging(schedule),
-        "modulate": modulation_of(rule, network),
+        "modulate": make_modulation(rule, network),
         "is_due": pausing(rule, schedule),
-        "learn": update_of(rule, network, schedule),
+        "learn": make_update(rule, network, schedule),
         "begin_updates": begin_updates,
         "end_updates": end_updates,
     }

@@ -31,7 +31,7 @@ def weight_change(weight: float, gene: float) -> float:
 
 
 @cache
-def total_of(network: Network) -> Callable[[Floats], float]:
+def make_total(network: Network) -> Callable[[Floats], float]:
     """The function that adds up the changes of a network's weights; it overwrites the array that it receives.
 
     The processor can do four sums at a time in this order: one half is added to the other, four times over; the rest is

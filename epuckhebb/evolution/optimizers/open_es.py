@@ -101,7 +101,7 @@ class OpenEs(EvolutionStrategy):
 
 def _rules(plan: GenomePlan) -> NDArray[np.int64]:
     """Where the genes of the synapses' rules stand, (parameters, synapses)."""
-    parts = plan.of_rule.parts
+    parts = plan.rule_parts.parts
     sizes = {part.size for part in parts}
     if len(sizes) != 1 or sizes == {1}:
         raise ValueError(f"optimizer.merges needs parameters per synapse, as hebbian=abcd has, got {plan.text()}")

@@ -124,7 +124,7 @@ class Reversal(Task):
         def reward_input(activation: Floats, reward: float) -> None:
             activation[first] = reward
 
-        return Hooks(reward_input, compiled(_to_nearer_end), compiled(_end_step))
+        return Hooks(reward_input, compiled(_nearer_distance), compiled(_end_step))
 
     def terms(self, goals: Mapping[Side, Place], start: Pose) -> Terms:
         """The numbers that these functions need. goals: the ends of the maze. start: of each trial."""
@@ -233,7 +233,7 @@ def _ways(trials: int, switches: int) -> int:
     return math.comb(places, switches) if min(places, switches) >= 0 else 0
 
 
-def _to_nearer_end(setup: Any, x: float, y: float) -> float:
+def _nearer_distance(setup: Any, x: float, y: float) -> float:
     """Distance to the nearer end [m]: nothing but the reward may show which end is rewarded."""
     left = distance_to(x, y, setup.terms.left.x, setup.terms.left.y)
     right = distance_to(x, y, setup.terms.right.x, setup.terms.right.y)
