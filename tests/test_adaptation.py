@@ -15,7 +15,7 @@ from epuckhebb.adaptation.change_signal import SignalContext, no_nominal, signal
 from epuckhebb.adaptation.change_signals.late import Late
 from epuckhebb.adaptation.change_signals.novelty import Novelty
 from epuckhebb.adaptation.change_signals.shortfall import Shortfall
-from epuckhebb.adaptation.exploration import following
+from epuckhebb.adaptation.exploration import wall_exploration
 from epuckhebb.adaptation.gate import need, resting
 from epuckhebb.adaptation.nominal import REPEATS, measure_nominal
 from epuckhebb.adaptation.wall_following import _sensors, wall_following
@@ -310,7 +310,7 @@ def test_a_robot_that_explores_no_longer_forgets_its_wall():
         adaptation=SimpleNamespace(hand=np.ones(1)),
     )
     setup = SimpleNamespace(gain=2.0, adaptation=SimpleNamespace(motor_noise=0.0))
-    explore = following(lambda *_: (4.0, -3.0), 6.28)
+    explore = wall_exploration(lambda *_: (4.0, -3.0), 6.28)
     assert explore(life, setup, 0.1, 0.2) == (2.0, -1.5)  # rad/s over the wheel gain
     assert life.adaptation.hand[0] == 1.0
     life.tally[0].exploring = False

@@ -27,7 +27,7 @@ def test_it_is_an_environment_of_gymnasium():
     env = gymnasium.make(ID, render_mode="rgb_array")
     check_env(env.unwrapped)
     assert env.reset(seed=1)[0].shape == (6,)
-    assert env.render().shape == (320, 320, 3)
+    assert env.render().shape == (640, 640, 3)
 
 
 def test_a_robot_senses_three_cells_and_eats_what_it_enters():

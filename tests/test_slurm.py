@@ -10,6 +10,7 @@ from epuckhebb.runs import slurm
 @pytest.fixture
 def queue(tmp_path, monkeypatch):
     """A queue of three jobs; `squeue` prints the file `queue`, and nothing is waited for."""
+    monkeypatch.delenv("EPUCKHEBB_QUIET", raising=False)
     monkeypatch.setattr(slurm, "_PATIENCE_S", -1.0)
     monkeypatch.setattr(slurm, "_ASK", ["cat", str(tmp_path / "queue")])
     found = slurm.Queue(tmp_path / ".submitit")

@@ -60,7 +60,7 @@ def test_the_rate_of_a_neuron_has_its_analytic_form(substeps):
         loop, seen = Loop([0.0, drive, 0.0, 1.0], network, STDP(N=1e-9), step_s=STEP_S), []
         for _ in range(300):
             loop.act([0.0])
-            rows = loop._state.workspace.substeps if substeps > 1 else [loop._state.activation]
+            rows = loop.state.workspace.substeps if substeps > 1 else [loop.state.activation]
             seen += [row[2] for row in rows]
         needed = round(0.064 / dt) + math.ceil(0.05 / dt * math.log(drive / (drive - 0.5)) - 1e-9)
         times = np.flatnonzero(seen)
