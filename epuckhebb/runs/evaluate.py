@@ -21,8 +21,8 @@ from epuckhebb.runs import hydra
 from epuckhebb.runs.begin import begin
 from epuckhebb.runs.hydra import Report, unreported
 from epuckhebb.runs.world import make_world
-from epuckhebb.runtime import LATEST, ConfigError, data_folder
-from epuckhebb.store import Genome, Run, RunFolder, checked_genes, digest, list_runs, load_genome, resolve_run, shaped
+from epuckhebb.runtime import ConfigError, data_folder
+from epuckhebb.store import Genome, Run, RunFolder, checked_genes, digest, list_runs, load_genome, shaped
 from epuckhebb.tmaze.individual import GA_ALONE
 from epuckhebb.tmaze.robot import EPUCK
 from epuckhebb.tmaze.scenario import TRAINED
@@ -140,9 +140,9 @@ def _latest_in(environment: str) -> Path:
     """The newest evolution in an environment; a ConfigError if there is none."""
     for path in reversed([path for path in list_runs() if path.parts[1] == "evolve"]):
         its = environment_of_run(str(path)).get("environment", {})
-        if environment == its.get("name") or str(its.get("id")).endswith(environment):
+        if environment == its.get("name") or f"/{its.get('id')}".endswith(f"/{environment}"):
             return path
-    return resolve_run(LATEST, "evolve")
+    raise ConfigError(f"environment={environment} has no champion below runs/evolve; evolve one, or give genome=FOLDER")
 
 
 def make_genome(genes: Any, config: Any) -> Genome:
