@@ -9,7 +9,7 @@ import pytest
 from cases import done
 
 import epuckhebb
-from epuckhebb.analysis import summary
+from epuckhebb.analysis import summary, tables
 from epuckhebb.analysis.evaluate import COLUMNS, _metrics
 from epuckhebb.analysis.lifetimes import Evaluated, gather
 from epuckhebb.analysis.statistics import bootstrap, mean
@@ -258,3 +258,8 @@ def test_the_average_speed_of_a_lifetime_that_ends_early_is_over_its_own_time():
     lifetime = Lifetime(duration_s=64.0)
     assert _metrics(outcome, lifetime)["average_speed_m_s"] == 2.0 / 32.0
     assert _metrics(outcome._replace(steps=2000), lifetime)["average_speed_m_s"] == 2.0 / 64.0
+
+
+def test_headings_leave_out_the_groups_of_keys_unless_two_are_then_alike():
+    assert tables.short_headings(["hebbian.leak", "environment.horizon"]) == ["leak", "horizon"]
+    assert tables.short_headings(["hebbian.N", "network.N"]) == ["hebbian.N", "network.N"]

@@ -9,7 +9,7 @@ import pandas as pd
 
 from epuckhebb.analysis.lifetimes import is_of_controller
 from epuckhebb.analysis.statistics import LEAST, bootstrap, bounds, difference, holm, mean, permutation, sign_flip
-from epuckhebb.analysis.tables import Table, cell, interval_text
+from epuckhebb.analysis.tables import Table, cell, interval_text, short_headings
 from epuckhebb.worlds.environment import Lived
 
 _RETURNS = ("return", "return_before", "return_after")
@@ -147,7 +147,7 @@ def differing(rows: pd.DataFrame) -> list[str]:
 def readable(rows: pd.DataFrame, title: str = "") -> Table:
     """The summary of returns to read: a row for each condition. rows: of `table`."""
     first = [*differing(rows), "controller", *(["N"] if has_several_rates(rows) else [])]
-    headings = [*first, "return", "before", "after", "recovery (steps)", "weight change"]
+    headings = [*short_headings(first), "return", "before", "after", "recovery (steps)", "weight change"]
     lines = []
     for _, row in rows.iterrows():
         returns = [interval_text(row, name, ".1f" if abs(row[name]) < _ROUND else ".0f") for name in _RETURNS]
@@ -178,6 +178,6 @@ def readable_effects(rows: pd.DataFrame) -> Table:
         ]
         for _, row in rows.iterrows()
     ]
-    headings = [*first, "champions", "difference", "Holm p"]
+    headings = [*short_headings(first), "champions", "difference", "Holm p"]
     title = "Return after the change: difference to controls, with 95 % intervals over champions"
     return Table(headings, lines, title, text=len(first), numbers=True)

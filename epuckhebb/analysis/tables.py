@@ -69,6 +69,12 @@ def plain(name: str) -> str:
     return _SIGNS.sub(r"\\\g<0>", " ".join(name.split()))
 
 
+def short_headings(keys: Sequence[str]) -> list[str]:
+    """Keys without the groups in which they stand, where they stay different: a terminal is narrow."""
+    names = [key.rpartition(".")[2] for key in keys]
+    return names if len(set(names)) == len(names) else list(keys)
+
+
 def cell(value: object) -> str:
     """A setting in a table in Markdown; `none` where there is no such setting."""
     return "none" if value is None or value == "" or value != value else plain(str(value))  # noqa: PLR0124  # nan
