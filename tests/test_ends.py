@@ -181,12 +181,12 @@ def test_draws_of_a_control_are_one():
     rows = lifetimes(alone | {(one, "highlight", f"shuffled_{k}"): letters for (one, k), letters in drawn.items()})
     one = {"sign": "shuffled"}
     draws = ends.draws([{"shuffled_0": one, "shuffled_1": {**one, "sign_draw": 1}}])
-    row = of(ends.tables(rows, of=draws)["ends"], "highlight", "shuffled", among="all")
+    row = of(ends.tables(rows, controls=draws)["ends"], "highlight", "shuffled", among="all")
     assert counts(row) == [4, 2, 1.5, 0.5, 2]
     assert (row["draws"], row["champions"], row["right_less_wrong"]) == (2, 2, ((0 - 1) / 2 + (2 + 0) / 2) / 2)
-    assert set(ends.tables(rows, of=draws)["ends_by_champion"].controller) == {GA, "shuffled_0", "shuffled_1"}
+    assert set(ends.tables(rows, controls=draws)["ends_by_champion"].controller) == {GA, "shuffled_0", "shuffled_1"}
     one = rows[rows.controller != "shuffled_1"]
-    assert "shuffled_0" in set(ends.tables(one, of=draws)["ends"].controller)
+    assert "shuffled_0" in set(ends.tables(one, controls=draws)["ends"].controller)
     taken = rows.replace({"controller": {GA: "shuffled"}})
     assert set(ends.ends(ends.trials(taken), draws).controller) == {"shuffled", "shuffled_0", "shuffled_1"}
 

@@ -89,15 +89,15 @@ def draws(compared: Iterable[Mapping[str, Any]]) -> dict[str, str]:
     return {name: control for name, control in controls.items() if all(rules[name] == own for own in alike[control])}
 
 
-def _merge_draws(each: pd.DataFrame, of: Mapping[str, str]) -> pd.DataFrame:
-    """Trials in which the draws of a control are one; the column `draw` has the old name. of: as from `draws`."""
-    taken = set(each.controller) - of.keys()  # a control must not get the name of another controller
-    control = each.controller.map(lambda name: name if of.get(name) in taken else of.get(name, name))
+def _merge_draws(each: pd.DataFrame, controls: Mapping[str, str]) -> pd.DataFrame:
+    """Trials in which the draws of a control are one; the column `draw` has the old name. controls: as from `draws`."""
+    taken = set(each.controller) - controls.keys()  # a control must not get the name of another controller
+    control = each.controller.map(lambda name: name if controls.get(name) in taken else controls.get(name, name))
     has_several = each.groupby(control).controller.transform("nunique") > 1
     return each.assign(draw=each.controller, controller=each.controller.where(~has_several, control))
 
 
-def ends(each: pd.DataFrame, of: Mapping[str, str] = MappingProxyType({})) -> pd.DataFrame:
+def ends(each: pd.DataFrame, controls: Mapping[str, str] = MappingProxyType({})) -> pd.DataFrame:
     """One row for each condition and `among`: how many trials end right, wrong and elsewhere, and how many arrived.
 
     A trial that ends right has arrived and stayed. `among`: `all` trials, or those of a fate. `right_less_wrong`: right
@@ -106,10 +106,10 @@ def ends(each: pd.DataFrame, of: Mapping[str, str] = MappingProxyType({})) -> pd
     are `draws` of one have its name, and all its numbers are means over them. Among trials of a fate there is one
     control more, `OTHER`: the paper's rule with the genome of another champion.
 
-    each: the trials. of: the control whose draw a controller is, as from `draws`.
+    each: the trials. controls: the control whose draw a controller is, as from `draws`.
     """
     return pd.DataFrame(
-        list(_ends(_merge_draws(_counted(pd.concat([each, _exchange_genomes(each)], ignore_index=True)), of)))
+        list(_ends(_merge_draws(_counted(pd.concat([each, _exchange_genomes(each)], ignore_index=True)), controls)))
     )
 
 
@@ -171,11 +171,15 @@ def discrimination(each: pd.DataFrame) -> pd.DataFrame:
 
 
 def tables(
-    rows: pd.DataFrame, settings: Sequence[str] = (), of: Mapping[str, str] = MappingProxyType({})
+    rows: pd.DataFrame, settings: Sequence[str] = (), controls: Mapping[str, str] = MappingProxyType({})
 ) -> dict[str, pd.DataFrame]:
     """All tables of ends by their names, of rows and settings as for `trials`, and draws as for `ends`."""
     each = trials(rows, settings)
-    return {"ends": ends(each, of), "ends_by_champion": champion_ends(each), "discrimination": discrimination(each)}
+    return {
+        "ends": ends(each, controls),
+        "ends_by_champion": champion_ends(each),
+        "discrimination": discrimination(each),
+    }
 
 
 def markdown(table: pd.DataFrame) -> str:

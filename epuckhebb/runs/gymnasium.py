@@ -37,10 +37,8 @@ from epuckhebb.worlds.world import Figures, World, Write
 _CHUNKS = 4  # of the work of each process, whose parts take different times
 _WORTH_S = 20.0  # of work, from which on processes are worth their start
 _MOST_SEED = 2**31 - 1
-_READ_BY = (  # settings of an environment that a champion's file keeps
-    *("options", "scale", "reward_scale", "neutral_fitness", "reads_reward", "learns_after_move", "reward_weights"),
-    "step_s",
-)
+_KEPT = ["options", "scale", "step_s", "reads_reward", "learns_after_move"]  # settings that a champion's file keeps
+_KEPT += ["reward_scale", "reward_weights", "neutral_fitness"]
 _FRAMES, _FRAME_MS, _CHANGED = 200, 40, "#D55E00"  # of a film; around what is after a change
 
 
@@ -127,16 +125,16 @@ class Gymnasium(World):
     def facts(self) -> Mapping[str, Any]:
         """The name of the environment, how it is read, and the name of what evolution maximised."""
         name, judge = self.config.world.name, self.config.judge
-        its = {"environment": name, "environment_settings": json.dumps(self._read_by)}
+        its = {"environment": name, "environment_settings": json.dumps(self._kept_settings)}
         return {"robot": name, "lights": 0, **its, "fitness_function": judge.name if judge else ""}
 
     @property
-    def _read_by(self) -> dict[str, Any]:
+    def _kept_settings(self) -> dict[str, Any]:
         """The settings on which it depends what a controller reads and is rewarded for, whatever happens later."""
-        read_by: dict[str, Any] = json.loads(
-            json.dumps({key: getattr(self.config.environment, key) for key in _READ_BY}, default=str)
+        kept: dict[str, Any] = json.loads(
+            json.dumps({key: getattr(self.config.environment, key) for key in _KEPT}, default=str)
         )
-        return read_by
+        return kept
 
     def check_genome(self, genome: Genome) -> None:
         """Refuse a genome for another network."""
@@ -151,10 +149,8 @@ class Gymnasium(World):
         if genome is not None and genome.environment not in ("", name):
             notes.append(f"This champion was evolved in {genome.environment}.")
         elif genome is not None and genome.environment_settings:
-            before, here = json.loads(genome.environment_settings), self._read_by
-            others = [
-                f"environment.{key}={before[key]}, not {here[key]}" for key in _READ_BY if before[key] != here[key]
-            ]
+            before, here = json.loads(genome.environment_settings), self._kept_settings
+            others = [f"environment.{key}={before[key]}, not {here[key]}" for key in _KEPT if before[key] != here[key]]
             notes += [f"This champion was evolved with {other}." for other in others]
         if genome is not None and genome.rule and isinstance(self.config.rule, NoRule):
             notes.append(f"This champion was evolved with the rule {genome.rule}, which is off here.")
@@ -176,7 +172,7 @@ class Gymnasium(World):
         config, genes = self.config, genome.genes
         place = zlib.crc32(genes.tobytes())
 
-        def signs_of(rule: Rule) -> Floats:
+        def draw_signs(rule: Rule) -> Floats:
             if rule.sign is Sign.shuffled and genome.signs is not None:
                 return genome.signs
             return signs(rule.sign, config.network_made.synapses, signs_of_draw(rule.sign_draw, place))
@@ -186,7 +182,7 @@ class Gymnasium(World):
                 number,
                 genome.plan.pick(genes, make_plan(config.network_made, type(tested.rule))),
                 (environment_seed(config.seed, Stream.evaluation_noise, repeat),),
-                signs_of(tested.rule),
+                draw_signs(tested.rule),
                 record=record,
             )
             for number, tested in enumerate(config.controllers)

@@ -16,10 +16,13 @@ from pathlib import Path
 
 from epuckhebb.runtime import JobFailedError, say
 
+_AWAY = "it is no longer in the queue"
 _LOOK_S = 15.0  # between two looks at the queue
 _PATIENCE_S = 60.0  # from the end of a job to its result, which comes late on a busy file system
 _ANSWER_S = 60.0  # of a busy controller
-_GOES_ON = ("PENDING", "RUNNING", "CONFIGURING", "COMPLETING", "SUSPENDED", "REQUEUED", "RESIZING", "STOPPED")
+# The states of `squeue` from which no job comes back; one that is requeued or held is in none of them.
+_ENDED = {"BOOT_FAIL", "CANCELLED", "COMPLETED", "DEADLINE", "FAILED", "NODE_FAIL", "OUT_OF_MEMORY", "TIMEOUT"}
+_ENDED |= {"PREEMPTED", _AWAY}
 _ASK = ["squeue", "--me", "--states=all", "--array", "--noheader", "--format=%i|%T|%r"]
 
 
@@ -53,12 +56,12 @@ class Queue:
         known = {job: (state, reason) for job, state, reason in (line.split("|", 2) for line in asked.splitlines())}
         self._say(jobs, waited, known)
         now = time.monotonic()
-        gone = [job for job in waited if known.get(job, ("",))[0] not in _GOES_ON]
+        states = {job: known.get(job, (_AWAY,))[0] for job in waited}
+        gone = [job for job, state in states.items() if state in _ENDED]
         self._ended = {job: self._ended.get(job, now) for job in gone}
         if gone and len(gone) == len(waited) and all(now - since > _PATIENCE_S for since in self._ended.values()):
             for job in gone:
-                state = known.get(job, ("it is no longer in the queue",))[0]
-                error = JobFailedError(f"SLURM ended it without a result: {state}")
+                error = JobFailedError(f"SLURM ended it without a result: {states[job]}")
                 self.lost[int(job.rpartition("_")[2])] = error
                 self._result(job).write_bytes(pickle.dumps(("error", str(error))))  # as submitit does of one that fails
 

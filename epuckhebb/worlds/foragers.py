@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 GREEN, BLUE = range(2)
 LEFT, AHEAD, RIGHT = range(3)
 
+_ITEMS, _EMPTY, _WALL = ((1.0, 0.0), (0.0, 1.0)), (0.0, 0.0), (1.0, 1.0)  # what the two readings of a cell are
 _TURN = 8  # steps from one turn without need to the next, one to the left, one to the right
 
 Belief = Callable[[Any, int, int | None], int]  # food now, from what was so far and what eating told
@@ -50,12 +51,11 @@ def earned(world: "Foraging", forager: str, seed: int, steps: int) -> Floats:
 
 def _way(readings: Floats, food: int, step: int) -> int:
     """Where to go. readings: (6,), green and blue of the cells to the left, ahead and to the right."""
-    cells = readings.reshape(3, 2) > 0
-    green, blue = cells[:, GREEN], cells[:, BLUE]
-    is_food, is_wall, is_empty = (cells[:, food] & ~cells[:, 1 - food]), green & blue, ~green & ~blue
+    values = readings.tolist()
+    cells = [*zip(values[::2], values[1::2], strict=True)]
     sides = (LEFT, RIGHT) if step // _TURN % 2 else (RIGHT, LEFT)
     order = (AHEAD, *sides) if step % _TURN else (*sides, AHEAD)
-    return next((way for those in (is_food, is_empty, is_wall) for way in order if those[way]), AHEAD)
+    return next((way for cell in (_ITEMS[food], _EMPTY, _WALL) for way in order if cells[way] == cell), AHEAD)
 
 
 def by_season(rewards: Floats, season: int) -> Floats:

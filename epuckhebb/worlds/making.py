@@ -22,7 +22,7 @@ def gymnasium() -> Any:
         raise PartError(f"environments need Gymnasium: {_INSTALL}") from error
 
 
-def _told(error: Exception) -> str:
+def _reason(error: Exception) -> str:
     """What an error says, or, as after a bare `assert`, the line that raised it."""
     last = traceback.extract_tb(error.__traceback__)[-1]
     return str(error) or f"{last.line} ({Path(last.filename).name}, line {last.lineno})"
@@ -50,7 +50,7 @@ class Maker:
             hint = (
                 f"; environments of MuJoCo: {_INSTALL}" if isinstance(error, missing) and ":" not in settings.id else ""
             )
-            raise PartError(f"environment.id={settings.id}: {type(error).__name__}: {_told(error)}{hint}") from error
+            raise PartError(f"environment.id={settings.id}: {type(error).__name__}: {_reason(error)}{hint}") from error
         if not isinstance(env, library.Env):
             raise PartError(f"environment.id={settings.id} must make a gymnasium.Env, it made {env!r}")
         return env
