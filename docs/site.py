@@ -15,7 +15,7 @@ import yaml
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
-from epuckhebb.cli.keys import keys_text, known
+from epuckhebb.cli.keys import key_files, keys_text
 
 ROOT, PAGES = Path(__file__).parents[1], Path(__file__).parent
 REFERENCE = ROOT / "runs" / "reference"
@@ -77,7 +77,7 @@ def on_page_markdown(markdown: str, page: Any, config: MkDocsConfig, files: File
     if own == "files.md":
         markdown += columns_of_files()
     if own == "keys.md":
-        markdown += "".join(f"\n## {name}\n\n```yaml\n{keys_text(name)}```\n" for name in known())
+        markdown += "".join(f"\n## {name}\n\n```yaml\n{keys_text(name)}```\n" for name in key_files())
     is_report = own.startswith("runs/")
     if is_report or own == "index.md":  # tables of a report need the whole width
         page.meta["hide"] = ["navigation", "toc"]

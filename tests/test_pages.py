@@ -154,11 +154,14 @@ def together(commands):
     """The calls for these commands: one for each set of groups and options, with all their keys.
 
     A key or a scenario that has another value begins another call. Where a run is, and where one goes, is left out:
-    composing does not look there. Yields (command, words, the words of each command).
+    composing does not look there, but for a champion in an environment. Yields (command, words, the words of each
+    command).
     """
     calls = []
     for command, all_words in commands:
-        words = [word for word in all_words if not re.match(r"genome=runs/|hydra\.\w+\.dir=", word)]
+        in_environment = any(word.startswith("environment=") for word in all_words)
+        left_out = r"hydra\.\w+\.dir=" if in_environment else r"genome=runs/|hydra\.\w+\.dir="
+        words = [word.removesuffix("/*") for word in all_words if not re.match(left_out, word)]
         names = {word: word.partition("=")[0] for word in words}
         own = {*groups(command)} - {"scenario"}
         same = {word for word, name in names.items() if name in own or "/" in name or "=" not in word}
