@@ -8,7 +8,6 @@ import pytest
 from cases import call, described_columns, done, first_of
 
 from epuckhebb.adaptation.nominal import measure_nominal
-from epuckhebb.analysis.rescue import FIGURE
 from epuckhebb.config import training_world
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvaluateConfig, typed
@@ -79,7 +78,7 @@ def test_a_sweep_over_champions_and_worlds_tells_of_rescue_and_harm(here):
     report = (here / "out" / "report.md").read_text()
     assert "reference_1" in report
     assert "### Each world" in report
-    assert (here / "out" / "figures" / FIGURE).read_bytes().startswith(b"\x89PNG")
+    assert (here / "out" / "figures" / "rescue_and_harm.png").read_bytes().startswith(b"\x89PNG")
     of_ends, of_rescue = ("ends", "ends_by_champion", "discrimination"), ("over_all", "and_harm", "by_champion")
     for name in (*of_ends, *(f"rescue_{which}" for which in of_rescue)):
         columns = list(pd.read_csv(here / "out" / f"{name}.csv"))

@@ -101,6 +101,14 @@ def test_a_sweep_has_environments_and_rules_as_objects(champion):
     pd.testing.assert_frame_equal(own[list(alone.metrics)], alone.metrics[alone.metrics.N > 0].reset_index(drop=True))
 
 
+@pytest.mark.usefixtures("here")
+def test_a_sweep_over_champions_has_columns_of_what_they_bring_along(champion):
+    words = ["optimizer.generations=1", "optimizer.population=4", "optimizer.starts=4", "optimizer.confirm=1"]
+    done("evolve", f"environment={EXAMPLE}:Room", "environment.horizon=20", *words, "hydra.run.dir=short")
+    rows = epuckhebb.sweep(over={"genome": [champion[1], "short"]}, repeats=1, progress=False)
+    assert dict(rows.groupby("genome")["environment.horizon"].first()) == {"room": "80", "short": "40"}
+
+
 def room(target):
     """An environment of one name with every target."""
 

@@ -211,3 +211,5 @@ def test_random_genomes_are_those_of_their_numbers():
     assert not Path("many/figures").exists()
     done("figure", "many", "ends")
     assert [file.name for file in Path("many/figures").iterdir()] == ["ends.png"]
+    done("evaluate", "-m", "genome=random_1,random_2", *SHORT, "figures=svg", "hydra.sweep.dir=drawn")
+    assert [file.name for file in Path("drawn/figures").iterdir()] == ["ends.svg"]

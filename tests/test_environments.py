@@ -129,6 +129,14 @@ def test_each_controller_has_the_draw_of_signs_that_it_names():
 
 
 @pytest.mark.usefixtures("runs")
+@pytest.mark.parametrize("words", [["hebbian=none"], ["compare.off={rule: none}"]])
+def test_a_champion_whose_rule_draws_its_weights_has_none_without_the_rule(words):
+    """A network of zeros is no control: N = 0 draws the same weights, which stay as they are."""
+    assert "genome=abcd" in (text := refused("evaluate", "genome=abcd", *words))
+    assert "hebbian.N=0" in text
+
+
+@pytest.mark.usefixtures("runs")
 @pytest.mark.parametrize("run", ["plain", "tested"])
 def test_a_rerun_is_bit_identical(run):
     assert "bit-identical" in done("rerun", run).stdout
@@ -194,8 +202,9 @@ def test_show_figure_and_replay_know_an_environment():
     assert "weak_leg" in done("keys", "environment").stdout
     assert "environment cartpole" in done("show", "plain").stdout
     assert "without plasticity" in done("show", "tested").stdout
-    alone = ["genome=abcd", "environment=cartpole", "hebbian=none", "repeats=1", "hydra.run.dir=rule_off"]
-    assert "evolved with the rule abcd, which is off" in done("evaluate", *alone).stdout
+    done("evolve", *CARTPOLE, "hebbian=modulated", "hydra.run.dir=modulated")
+    alone = ["genome=modulated", "environment=cartpole", "hebbian=none", "repeats=1", "hydra.run.dir=rule_off"]
+    assert "evolved with the rule modulated, which is off" in done("evaluate", *alone).stdout
     assert done("figure", "tested").stdout.split() == ["lifetime"]
     done("figure", "tested", "lifetime", "--format", "svg")
     done("figure", "plain", "learning")

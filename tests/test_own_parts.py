@@ -125,6 +125,23 @@ def test_what_cannot_be_a_part_is_refused_with_its_key(kind):
         load(EvaluateConfig, ["hebbian.rule=nowhere.py:Fine"])
 
 
+def test_a_rule_has_the_defaults_of_its_class_and_what_is_typed_stays(tmp_path):
+    """Also where the row that a run begins with, that of the paper's rule, says the same as what is typed."""
+    text = "N: float = 0.5\n    floor: float = 0.7\n    trace_decay: float = 0.4\n"
+    write(
+        tmp_path,
+        {
+            "my": f"from epuckhebb.controller.plasticity.rules.paper import Paper\nfrom dataclasses import "
+            f"dataclass\n@dataclass(frozen=True, kw_only=True)\nclass Mine(Paper):\n    {text}"
+        },
+    )
+    words = [f"hebbian.rule={tmp_path}/my.py:Mine"]
+    rule = load(EvaluateConfig, words).rule
+    assert (rule.N, rule.floor, rule.trace_decay, rule.w_max) == (0.5, 0.7, 0.4, 2.0)
+    typed = load(EvaluateConfig, [*words, "hebbian.N=0.000015", "hebbian.floor=0.2", "hebbian.trace_decay=0.95"]).rule
+    assert (typed.N, typed.floor, typed.trace_decay) == (0.000015, 0.2, 0.95)
+
+
 @pytest.mark.usefixtures("here")
 @pytest.mark.parametrize(("kind", "attribute"), [("rule", "evolved"), ("rule", "with_reward"), ("wiring", "evolved")])
 def test_what_is_evolved_is_a_mapping_to_evolved(kind, attribute):

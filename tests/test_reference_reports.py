@@ -54,7 +54,7 @@ def test_the_report_of_a_study_is_that_of_its_tables(folder, committed):
     ).groups()
     *own, at_end = tables(folder, "rescue_over_all", "rescue_and_harm", "ends")
     page = rescue.markdown(*own, int(champions), int(repeats), names)
-    committed(path, "\n".join([page, rescue.PICTURE, ends.markdown(at_end)]))
+    committed(path, "\n".join([page, *rescue.picture("png"), ends.markdown(at_end)]))
 
 
 @pytest.mark.parametrize("folder", [path.parent for path in BOARDS], ids=lambda folder: folder.name)

@@ -9,8 +9,6 @@ from epuckhebb.tmaze.scenario import TRAINED
 if TYPE_CHECKING:
     import pandas as pd
 
-FIGURE = "rescue_and_harm.png"
-PICTURE = f'<img src="figures/{FIGURE}" alt="Rescue and harm of each plasticity, with intervals">\n'
 RESCUED, HARMED = "rescued, of the trials that the change broke", "harmed, of those still intact"
 ENDS = "ends of the broken: right, wrong, elsewhere"
 COUNTED = (
@@ -26,6 +24,16 @@ def trial(repeats: int) -> str:
     return (
         "A *trial* is one champion on one side. It succeeds if the robot ends within 5 cm of its goal in more than "
         f"half of its {repeats} repeats."
+    )
+
+
+def picture(kind: str) -> list[str]:
+    """The line of a page with its picture; none for a PDF, which no page shows."""
+    file = f"figures/rescue_and_harm.{kind}"
+    return (
+        []
+        if kind in ("pdf", "none")
+        else [f'<img src="{file}" alt="Rescue and harm of each plasticity, with intervals">\n']
     )
 
 

@@ -249,7 +249,8 @@ def sweep(
             own = {**keys, **{key: value for key, (value, _) in job.items()}}
             result = _evaluated(own.pop("genome", genome), overrides, config_dir, own, record=False)
             sha256, ids = result.genome.sha256, result.prepared.lifetime_ids
-            evaluations.append(Evaluated(settings=settings, sha256=sha256, ids=ids, rows=result.metrics))
+            known = dict(conf.flat(result.config.values))  # also what the champion brings along
+            evaluations.append(Evaluated(settings=settings, sha256=sha256, ids=ids, rows=result.metrics, config=known))
             shown.update()
     gathered = gather(evaluations)
     be_quiet(not progress)

@@ -22,6 +22,7 @@ from epuckhebb.config.parts import KINDS, NONE, PAPER, PART_GROUPS, make_part, p
 from epuckhebb.config.plugins import place_files
 from epuckhebb.config.schema import ScenarioConfig, WorldConfig
 from epuckhebb.config.source import BROUGHT, change_row, choice, merge, named
+from epuckhebb.controller.plasticity.rule import Rule
 from epuckhebb.controller.wiring import LAYERS
 from epuckhebb.evolution.training import Training
 from epuckhebb.runtime import ConfigError, conf, data_folder, refusing, user_path, yaml_file
@@ -101,7 +102,7 @@ def _resolve(
     if ":" in str((cfg.get("optimizer") or {}).get("algorithm")) and not any(map(_OF_GA.match, overrides)):
         cfg.ga = None
     _complete_parts(cfg)
-    _fit_rule(cfg, choices["hebbian"], world.cfg.hebbian)
+    _fit_rule(cfg, choices["hebbian"], world.cfg.hebbian, overrides)
 
 
 def _make_changes(cfg: DictConfig, choices: dict[str, str], folders: Sequence[Path]) -> None:
@@ -221,20 +222,26 @@ def _write_defaults(settings: DictConfig, kind: str, part: str, key: str) -> Non
             settings[field.name] = field.default
 
 
-def _fit_rule(cfg: DictConfig, choice: str, chosen: DictConfig) -> None:
-    """Give a rule that was named by its class its own rate and bounds, and drop what the row says for another rule."""
+def _fit_rule(cfg: DictConfig, choice: str, chosen: DictConfig, overrides: Sequence[str]) -> None:
+    """Give a rule that was named by its class its own defaults, and drop what the row says for another rule.
+
+    chosen: the row. What was typed stays, also where the row says the same.
+    """
     rule = cfg.hebbian.get("rule")
     if rule in (None, NONE) or (rule == chosen.get("rule") and ":" not in choice):
         return
     kind = part_class("rule", rule, "hebbian")
     own = {field.name: field.default for field in fields(kind)}
+    shared = {field.name: field.default for field in fields(Rule)}
     raw: Any = OmegaConf.to_container(cfg.hebbian)
     raw_chosen: Any = OmegaConf.to_container(chosen)
-    as_chosen = {key for key, value in raw_chosen.items() if raw.get(key) == value}
+    typed = {word.lstrip("+~").partition("=")[0] for word in overrides}
+    as_chosen = {key for key, value in raw_chosen.items() if raw.get(key) == value and f"hebbian.{key}" not in typed}
     if "N" in as_chosen or "N" not in raw:
         cfg.hebbian.N = own["N"] or raw.get("N", cfg.scenario.paper_N)
-    if "normalise" in as_chosen:
-        cfg.hebbian.normalise = own["normalise"].name
+    for key in as_chosen & {*own} - {"N"}:
+        if own[key] != shared.get(key):
+            cfg.hebbian[key] = getattr(own[key], "name", own[key])
     for key in as_chosen - {"rule", "name", *own}:
         del cfg.hebbian[key]
     if cfg.hebbian.get("name") == choice:

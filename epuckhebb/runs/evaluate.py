@@ -65,6 +65,11 @@ def check_rules(genome: Genome, network: Network, rules: Iterable[tuple[str, Rul
     for name, rule in rules:
         kind = type(rule)
         if isinstance(rule, NoRule):
+            if genome.plan.rule_parts.parts and initial_weights is InitialWeights.random:
+                draws = (
+                    f"genome={genome.name} has no weights, since its rule {genome.rule} draws them for each lifetime"
+                )
+                raise ConfigError(f"{name}: {draws}; keep the rule, with hebbian.N=0, or N: 0 in compare")
             continue
         missing = [name for name, size in evolved_sizes(kind, network).items() if sizes.get(name) != size]
         is_other = genome.rule not in ("", name_of(kind)) or rule.initial_weights is not initial_weights

@@ -280,7 +280,7 @@ def _write_tables(
             tables["doses"] = doses
         if (harm := summary.rescue_and_harm(rows)) is not None:
             tables |= harm[0]
-            picture = [rescue.PICTURE] if _has_figures(configs) else []
+            picture = rescue.picture(_figure_kind(configs))
             write("report.md", "\n".join([harm[1], *picture, ends.markdown(tables["ends"])]))
     for name, table in tables.items():
         write(f"{name}.csv", table)
@@ -289,15 +289,16 @@ def _write_tables(
 
 def _draw(folder: Path, write: Callable[[str, Content], None], configs: Sequence[Plain]) -> None:
     """Write the figures of the tables in a folder, unless no run has any."""
-    if _has_figures(configs) and (drawn := figures(Run(folder))):
+    if (kind := _figure_kind(configs)) != "none" and (drawn := figures(Run(folder))):
         from epuckhebb.analysis.image import image  # matplotlib takes a while to load
 
         for name, figure in drawn.items():
-            write(f"figures/{name}.png", image(figure))
+            write(f"figures/{name}.{kind}", image(figure, kind))
 
 
-def _has_figures(configs: Sequence[Plain]) -> bool:
-    return any(config["figures"] != "none" for config in configs)
+def _figure_kind(configs: Sequence[Plain]) -> str:
+    """What figures over all runs are written to: as those of the first run that has any."""
+    return next((str(config["figures"]) for config in configs if config["figures"] != "none"), "none")
 
 
 def _evaluated(path: Path, settings: Mapping[str, str], config: Plain, place: Mapping[str, str]) -> Evaluated:
