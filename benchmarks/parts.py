@@ -10,7 +10,10 @@ import numpy as np
 from numba import njit
 from step import GENES
 
+from epuckhebb.config import load_any
+from epuckhebb.controller.controller import Controller
 from epuckhebb.controller.forward_pass import forward_pass
+from epuckhebb.controller.genome import make_plan
 from epuckhebb.controller.genotype import Genotype
 from epuckhebb.controller.network import PAPER_NETWORK, starting_weights
 from epuckhebb.controller.own_class import stored
@@ -89,7 +92,23 @@ def measure() -> list[tuple[str, str]]:
         ("physics, away from walls", _time(physics_loop, still.handles, 0.0)),
         ("physics, against a wall", _time(physics_loop, wall.handles, 1.0)),
         ("physics, in a corner", _time(physics_loop, corner.handles, 1.0)),
+        *((f"foraging, a whole robot-step, {name}", foraging(name)) for name in ("N = 0", "abcd", "modulated")),
     ]
+
+
+def foraging(rule: str) -> str:
+    """The time of a robot-step in `environment=foraging`, with its default network and random genes."""
+    name = "none" if rule == "N = 0" else rule
+    config = load_any("evolve", ["environment=foraging", f"hebbian={name}"])
+    genes = np.random.default_rng(1).uniform(-1, 1, make_plan(config.network_made, type(config.rule)).genes)
+    controller, steps = Controller(genes, config.network_made, config.rule), config.environment.horizon
+    lives = LOOPS // steps
+
+    def live(_: int) -> None:
+        for seed in range(lives):
+            config.world.live(controller, seed)
+
+    return _time(live)
 
 
 def _time(compiled: Callable[..., None], *arguments: object) -> str:
