@@ -44,7 +44,7 @@ _NEEDS_WAYS = "evolutions must be names with lists of evolutions or run folders,
 
 
 def load(where: str | Path = "reference", experiment: str = "obstacles") -> Genes:
-    """The genes of a champion.
+    """The genes of a champion, alone: settings and signs with which it evolved stay in its run, which `evaluate` takes.
 
     Args:
         where: `reference`, the bundled champion of an experiment; `reference_7`, the one of seed 7; a run folder of
