@@ -93,8 +93,7 @@ class Methods(epuckhebb.Study):
 
     def tables(self, runs):
         """Rewards by champion and season; their means; the differences that are tested; the course of a lifetime."""
-        seasons = pd.concat([run.table("seasons.csv") for run in runs], ignore_index=True)
-        course = pd.concat([run.table("course.csv") for run in runs], ignore_index=True)
+        seasons, course = gathered(runs, "seasons.csv"), gathered(runs, "course.csv")
         same = ["season", "steps", "known"]
         tables = {"methods": method_means(seasons), "differences": differences(seasons)}
         return tables | {"seasons": seasons.drop(columns=same), "course": course.drop(columns=same)}
@@ -130,6 +129,11 @@ class Methods(epuckhebb.Study):
     def figures(self, run):
         """The reward over a lifetime."""
         return {"foraging": _course(run.table("course.csv"))}
+
+
+def gathered(runs, name):
+    """The tables of a name; scripted foragers have no seed."""
+    return pd.concat([run.table(name) for run in runs], ignore_index=True).astype({"seed": "Int64"})
 
 
 def evolved(job):
@@ -309,9 +313,9 @@ class Lifespans(Methods):
     def tables(self, runs):
         """Rewards a step by champion; their means in each cell, and what a rule adds to *plain*."""
         cell = ["season", "steps", "known"]
-        seasons = pd.concat([run.table("seasons.csv") for run in runs], ignore_index=True)
         champions = (
-            seasons.fillna({"seed": 0})
+            gathered(runs, "seasons.csv")
+            .fillna({"seed": 0})
             .groupby([*cell, "method", "controller", "seed"], sort=False)
             .agg(reward=("reward", "sum"), turn_round=("turn_round", "first"))
             .reset_index()

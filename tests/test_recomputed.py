@@ -262,6 +262,34 @@ def test_legs(budget):
     assert np.sort(rows.p_holm) == pytest.approx(steps)
 
 
+def test_foraging():
+    """The eleven differences and their p values, and the means of methods, from the table by champion and season."""
+    seasons, rows = read("foraging/seasons"), read("foraging/differences")
+    its = seasons.set_index(["method", "controller", "number", "seed"]).reward.sort_index()
+    for row in rows.itertuples():
+        if row.other == "frozen":
+            ours, others = (its[row.ours, name].loc[2:4].groupby("seed").sum() for name in ("rule", "frozen"))
+            found = stats.permutation_test(
+                (ours - others,), np.mean, permutation_type="samples", n_resamples=np.inf
+            ).pvalue
+        else:
+            names = [(name, "rule" if (name, "rule") in its.index else "network") for name in (row.ours, row.other)]
+            ours, others = (its[name].groupby("seed").sum() for name in names)
+            found = stats.permutation_test(
+                (ours, others), lambda x, y, axis: x.mean(axis=axis) - y.mean(axis=axis), n_resamples=99_999, rng=1
+            ).pvalue
+        assert row.difference == pytest.approx(ours.mean() - others.mean())
+        assert row.p == pytest.approx(found, abs=0.005)
+    steps = np.maximum.accumulate(np.sort(rows.p) * np.arange(11, 0, -1)).clip(max=1)
+    assert np.sort(rows.p_holm) == pytest.approx(steps)
+    for row in read("foraging/methods").query("champions == 10").itertuples():
+        rewards = its[row.method, row.controller].groupby("seed").sum()
+        assert row.reward == pytest.approx(rewards.mean())
+        if np.ptp(rewards) > 0:
+            again = stats.bootstrap((rewards,), np.mean, method="percentile", rng=1).confidence_interval
+            assert (row.reward_low, row.reward_high) == pytest.approx(again, abs=1.0)
+
+
 def test_anti_hebbian():
     """Both rates, gains, and Cohen's d with its interval, from the table by network."""
     gains, rates = read("anti_hebbian/gains"), read("anti_hebbian/rates")

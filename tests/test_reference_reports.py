@@ -94,13 +94,19 @@ def test_the_report_of_the_flocks_is_that_of_their_table(committed):
     committed(path, flock.page(*tables(path.parent, "flock"), made, figures))
 
 
-def evolve_or_adapt():
-    study = runpy.run_path(str(REFERENCE.parents[1] / "examples" / "evolve_or_adapt.py"))["EvolveOrAdapt"]()
-    return study, Run(REFERENCE / "evolve_or_adapt")
+EXAMPLES = {"evolve_or_adapt": ("evolve_or_adapt", "EvolveOrAdapt"), "foraging": ("foraging", "Methods")}
 
 
-def test_the_report_of_evolve_or_adapt_is_that_of_its_tables(committed):
-    study, run = evolve_or_adapt()
+def example(name):
+    """A study of an example, and its folder."""
+    file, kind = EXAMPLES[name]
+    study = runpy.run_path(str(REFERENCE.parents[1] / "examples" / f"{file}.py"))[kind]()
+    return study, Run(REFERENCE / name)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_the_report_of_an_example_is_that_of_its_tables(name, committed):
+    study, run = example(name)
     captions = {f"{name}.png": drawn.get_label() for name, drawn in study.figures(run).items()}
     committed(run.path / "report.md", study.page(run, captions))
 
@@ -125,7 +131,7 @@ def of_tables(folder):
         return {"rescue_and_harm": charts.rescue_and_harm(*own)}
     if (folder / "leaderboard.csv").is_file():
         return dict(of_board(folder))
-    return evolve_or_adapt()[0].figures(Run(folder)) if folder.name == "evolve_or_adapt" else sweep.figures(Run(folder))
+    return example(folder.name)[0].figures(Run(folder)) if folder.name in EXAMPLES else sweep.figures(Run(folder))
 
 
 DRAWN = {path.parent.parent: None for path in sorted(REFERENCE.rglob("figures/*.png"))} | {REFERENCE: None}
