@@ -202,6 +202,24 @@ def stopping():
     )
 
 
+def foraging():
+    """The sentence of the study of foraging, by its plan."""
+    means = pd.read_csv(REFERENCE / "foraging" / "methods.csv").set_index(["method", "controller"])
+    rows = pd.read_csv(REFERENCE / "foraging" / "differences.csv").set_index(["ours", "other"])
+    rule, frozen, plain = (
+        f"{row.reward:.1f} [{row.reward_low:.1f}, {row.reward_high:.1f}]"
+        for row in (means.loc["modulated", "rule"], means.loc["modulated", "frozen"], means.loc["plain", "network"])
+    )
+    turned, more = rows.loc["modulated", "frozen"], rows.loc["modulated", "plain"]
+    assert turned.p_holm < 0.05 <= more.p_holm  # else the sentence is another one
+    return (
+        f"- When food [changes with the season](docs/foraging.md), ten champions with a rule that a neuron modulates "
+        f"turn round: they earn {rule}, with weights frozen after the first season {frozen} (from then on "
+        f"{turned.difference:+.1f} to these, p = {turned.p_holm:.2g}); "
+        f"ten without a rule, which react to their last reward, {plain} (to the rule: p = {more.p_holm:.2g}).\n"
+    )
+
+
 def share(table, part, whole, which):
     """How many a row of a table of runs/reference/ counts, of how many, with the share's interval."""
     rows = pd.read_csv(REFERENCE / f"{table}.csv")
@@ -222,7 +240,7 @@ def test_the_findings_are_those_of_the_reference_results(generated):
     table = Table(HEAD, [row for study, *texts in CLAIMS for row in claims_of(*study, *texts)]).markdown()
     own = {name: of_the_papers_changes(name) for name in ("Hebbian", "shuffled")}
     sentences = [f"- {text.format(*(share(*count) for count in counts), own=own)}\n" for text, counts in FINDINGS]
-    generated(README, "findings", "".join([table, "\n", which_end(), stopping(), *sentences]))
+    generated(README, "findings", "".join([table, "\n", which_end(), stopping(), *sentences, foraging()]))
 
 
 def test_the_page_of_methods_has_the_rule_of_verdicts(generated):
