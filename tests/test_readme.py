@@ -214,8 +214,8 @@ def foraging():
     assert turned.p_holm < 0.05 <= more.p_holm  # else the sentence is another one
     return (
         f"- When food [changes with the season](docs/foraging.md), ten champions with a rule that a neuron modulates "
-        f"turn round: they earn {rule}, with weights frozen after the first season {frozen} (from then on "
-        f"{turned.difference:+.1f} to these, p = {turned.p_holm:.2g}); "
+        f"turn round: they earn {rule}, with weights frozen after the first season {frozen} (difference from "
+        f"then on {turned.difference:+.1f}, p = {turned.p_holm:.2g}); "
         f"ten without a rule, which react to their last reward, {plain} (to the rule: p = {more.p_holm:.2g}).\n"
     )
 
