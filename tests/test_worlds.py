@@ -209,7 +209,9 @@ def test_scale_comes_from_bounds_where_there_are_some():
     assert list(read.scale) == pytest.approx([1.2, 0.07, 3.0, 255.0, 3.0])
     assert list(Reader(space, 2.0).scale) == [2.0] * 5
     assert list(read(np.array([1.2, 0.07, 3.0, 0, 0]))) == pytest.approx([math.tanh(1)] * 3 + [0, 0])
-    for wrong in ([1.0, 2.0], 0, -1, [1, 1, 1, 1, 0], "x", np.nan):
+    read = Reader(space, [[1.0, 0, 0, 0, 0], [2.0, 1, 1, 1, 1]])
+    assert read(np.array([3.0, 0, 0, 0, 0]))[0] == math.tanh(1)
+    for wrong in ([1.0, 2.0], 0, -1, [1, 1, 1, 1, 0], [[0] * 5, [0] * 5], [[np.nan] * 5, [1] * 5], "x", np.nan):
         with pytest.raises(ValueError, match=r"environment\.scale must be a number above 0, or 5 of them"):
             Reader(space, wrong)
 
@@ -289,7 +291,7 @@ def test_readings_of_nested_spaces_are_those_of_gymnasium():
         flat = flatten(NESTED, observation)
         expected = np.where(read.is_measured, np.tanh(flat * (1 / read.scale)), flat)
         np.testing.assert_array_equal(read(observation), expected)
-        np.testing.assert_array_equal(read.sizes(observation), np.where(read.is_measured, np.abs(flat), 0))
+        np.testing.assert_array_equal(read.values(observation), np.where(read.is_measured, flat, 0))
     by_name = dict(zip(read.names, read.scale, strict=True))
     assert (by_name["far"], by_name["where.0.3"], by_name["where.1=0"]) == (5, 2, 1)
     assert len(by_name) == flatten(NESTED, NESTED.sample()).size
