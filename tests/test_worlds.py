@@ -350,7 +350,7 @@ def test_readings_that_say_nothing_are_noted():
     (note,) = world(Blind)[0].findings.notes
     assert "1 (largest 900) are 1 or -1" in note
     assert "2 (largest 0.001) never move" in note
-    assert "environment.scale=[3,900,3]" in note  # no scale moves a reading that is always the same
+    assert "environment.scale=running, or [3,900,3]" in note  # no scale moves a reading that is always the same
 
 
 @pytest.mark.parametrize("value", [0.0, 0.5])
@@ -380,7 +380,7 @@ def test_the_scale_that_a_note_lists_lets_readings_move():
             return (1.5 + np.sin(self.place)) * self.sizes, 0.0, False, False, {}
 
     (note,) = world(Wide)[0].findings.notes
-    scale = json.loads(re.search(r"environment\.scale=(\[.*\])", note)[1])
+    scale = json.loads(re.search(r"(\[.*\])", note)[1])
     assert world(Wide, scale=scale)[0].findings.notes == ()
 
 
@@ -397,7 +397,7 @@ def test_a_note_on_many_readings_lists_no_scale_for_each():
 
     (note,) = world(Camera)[0].findings.notes
     assert "environment.scale" in note
-    assert "1000" in note
+    assert "[" not in note
     assert len(note) < 1000
 
 

@@ -145,8 +145,8 @@ def _readings(read: Reader, *seen: _Seen) -> list[str]:
     is_told, hint = is_at_end | (is_still & (high > low)), ""  # no scale moves a reading that is always the same
     scale = ",".join(f"{value:.3g}" for value in np.where(is_told, largest, read.scale))
     if is_told.any():
-        hint = f"; try environment.scale=[{scale}]"
-        hint = hint if len(low) <= _TYPED else f"; environment.scale may have {len(low)} numbers"
+        hint = f"; try environment.scale={RUNNING}"
+        hint += f", or [{scale}]" if len(low) <= _TYPED else ""
     return [f"With random actions, {' and '.join(texts)}{hint}."] if texts else []
 
 
