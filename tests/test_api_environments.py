@@ -210,6 +210,26 @@ def test_own_objects_go_into_processes(monkeypatch):
     pd.testing.assert_frame_equal(one.history, two.history)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Weighted(epuckhebb.Fitness):
+    """A fitness of the user's. weight: of the return."""
+
+    weight: float = 3.0
+
+    @staticmethod
+    def life(rewards, by):
+        """The weighted return."""
+        return by.weight * rewards.sum()
+
+
+@pytest.mark.parametrize(("fitness", "weight"), [(Weighted, 3), (Weighted(weight=2.0), 2)], ids=["class", "object"])
+def test_a_fitness_may_be_an_object(fitness, weight):
+    given = {"environment": {"id": Room, "horizon": 40}, **SMALL}
+    judged, usual = epuckhebb.evolve(fitness=fitness, **given), epuckhebb.evolve(**given)
+    np.testing.assert_allclose(judged.history.best_fitness[0], weight * usual.history.best_fitness[0])
+    assert judged.genome.fitness_function == "Weighted"
+
+
 @pytest.mark.parametrize(
     ("given", "text"),
     [

@@ -1,6 +1,7 @@
 """Environments of Gymnasium: evolve, evaluate, changes, bit-identical reruns and processes, sweeps, and bad input."""
 
 import itertools
+import json
 import math
 import re
 import shutil
@@ -571,6 +572,82 @@ def test_a_fitness_that_does_not_fit_is_refused(words, text):
     Path("own.py").write_text(JUDGES)
     assert text in refused(*words)
     assert not Path("runs").exists()
+
+
+FAR = """
+import gymnasium
+import numpy as np
+
+
+class Far(gymnasium.Env):
+    observation_space = gymnasium.spaces.Dict(
+        {"far": gymnasium.spaces.Box(-np.inf, np.inf, (2,)), "kind": gymnasium.spaces.Discrete(2)}
+    )
+    action_space = gymnasium.spaces.Box(-1.0, 1.0, (1,))
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.numbers = self.np_random.normal(100.0, 5.0, 200)
+        self.at = 0
+        return self._look(), {}
+
+    def step(self, action):
+        self.at += 1
+        return self._look(), float(action[0]) * (self.numbers[self.at] - 100), self.at == 25, False, {}
+
+    def _look(self):
+        return {"far": np.array([self.numbers[self.at], 0.1]), "kind": self.at % 2}
+"""
+RUNNING = ["environment=far.py:Far", "environment.scale=running", "environment.hidden=[3]", "optimizer.population=4"]
+RUNNING += ["optimizer.starts=4", "optimizer.loops=2", "optimizer.confirm=1", "figures=none"]
+
+
+@pytest.mark.usefixtures("here")
+def test_a_running_scale_is_that_of_a_plain_loop_and_is_frozen_in_the_champion(monkeypatch):
+    """The second reading never moves, so that it keeps the scale of readings without bounds."""
+    Path("far.py").write_text(FAR)
+    words = [*RUNNING, "optimizer.generations=3"]
+    done("evolve", *words, "environment.processes=1", "hydra.run.dir=evolved")
+    seeds = [environment_seed(1, Stream.training_noise, generation, loop) for generation in (0, 1) for loop in (0, 1)]
+    seen = np.concatenate([np.random.default_rng(seed).normal(100.0, 5.0, 200)[:25] for seed in seeds])
+    settings = json.loads(load_genome("evolved", "").environment_settings)
+    mean, scale = settings["scale"]
+    np.testing.assert_allclose(mean, [seen.mean(), 0.1, 0, 0], rtol=1e-12)
+    np.testing.assert_allclose(scale, [seen.std(), 3, 1, 1], rtol=1e-12)
+
+    check_resumed(RUNNING, ("optimizer.generations=1", "optimizer.generations=3"))
+    monkeypatch.setattr("epuckhebb.runs.gymnasium._WORTH_S", 0.0)
+    done("evolve", *words, "environment.processes=2", "hydra.run.dir=two")
+    assert Path("two/history.csv").read_bytes() == Path("evolved/history.csv").read_bytes()
+    assert load_genome("two", "").environment_settings == load_genome("evolved", "").environment_settings
+
+
+@pytest.mark.usefixtures("here")
+def test_a_champion_reads_by_the_scale_of_its_training():
+    Path("far.py").write_text(FAR)
+    done("evolve", *RUNNING, "optimizer.generations=2", "hydra.run.dir=evolved")
+    shutil.copy("evolved/champion.npz", "moved.npz")
+    world = ["environment=far.py:Far", "repeats=2", "figures=none"]
+    scale = json.loads(load_genome("evolved", "").environment_settings)["scale"]
+    numbers = f"environment.scale={scale}"
+    ways = (["genome=evolved"], ["genome=moved.npz", "environment.scale=running"], ["genome=moved.npz", numbers])
+    for number, words in enumerate(ways):
+        done("evaluate", *words, *world, "environment.hidden=[3]", f"hydra.run.dir=tested_{number}")
+    returns = [pd.read_csv(f"tested_{number}/metrics.csv")["return"].tolist() for number in range(len(ways))]
+    assert returns[0] == returns[1] == returns[2]
+    assert "environment.scale" not in " ".join(Run(Path("tested_0")).provenance["notes"])
+    prepared = prepare_evaluation(load_any("evaluate", ["genome=evolved", *world]))
+    read, usual = prepared.config.world.read, World(settings=Environment(), make=prepared.config.world.make).read
+    far = {"far": np.array([103.0, 0.1]), "kind": 1}
+    assert abs(read(far)[0]) < 0.9
+    assert usual(far)[0] == 1
+    genes, settings = load_genome("evolved", "").genes, {"id": "far.py:Far", "hidden": [3], "scale": "running"}
+    with pytest.raises(ValueError, match=r"environment\.scale"):
+        epuckhebb.evaluate(genes, environment=settings)
+
+
+def test_a_running_scale_needs_numbers_to_scale():
+    assert "environment.scale" in refused("evolve", "environment=foraging", "environment.scale=running")
 
 
 def test_a_function_makes_an_environment(tmp_path, monkeypatch):

@@ -209,7 +209,9 @@ def test_scale_comes_from_bounds_where_there_are_some():
     assert list(read.scale) == pytest.approx([1.2, 0.07, 3.0, 255.0, 3.0])
     assert list(Reader(space, 2.0).scale) == [2.0] * 5
     assert list(read(np.array([1.2, 0.07, 3.0, 0, 0]))) == pytest.approx([math.tanh(1)] * 3 + [0, 0])
-    for wrong in ([1.0, 2.0], 0, -1, [1, 1, 1, 1, 0], "x", np.nan):
+    read = Reader(space, [[1.0, 0, 0, 0, 0], [2.0, 1, 1, 1, 1]])
+    assert read(np.array([3.0, 0, 0, 0, 0]))[0] == math.tanh(1)
+    for wrong in ([1.0, 2.0], 0, -1, [1, 1, 1, 1, 0], [[0] * 5, [0] * 5], [[np.nan] * 5, [1] * 5], "x", np.nan):
         with pytest.raises(ValueError, match=r"environment\.scale must be a number above 0, or 5 of them"):
             Reader(space, wrong)
 
@@ -289,7 +291,7 @@ def test_readings_of_nested_spaces_are_those_of_gymnasium():
         flat = flatten(NESTED, observation)
         expected = np.where(read.is_measured, np.tanh(flat * (1 / read.scale)), flat)
         np.testing.assert_array_equal(read(observation), expected)
-        np.testing.assert_array_equal(read.sizes(observation), np.where(read.is_measured, np.abs(flat), 0))
+        np.testing.assert_array_equal(read.values(observation), np.where(read.is_measured, flat, 0))
     by_name = dict(zip(read.names, read.scale, strict=True))
     assert (by_name["far"], by_name["where.0.3"], by_name["where.1=0"]) == (5, 2, 1)
     assert len(by_name) == flatten(NESTED, NESTED.sample()).size
@@ -348,7 +350,7 @@ def test_readings_that_say_nothing_are_noted():
     (note,) = world(Blind)[0].findings.notes
     assert "1 (largest 900) are 1 or -1" in note
     assert "2 (largest 0.001) never move" in note
-    assert "environment.scale=[3,900,3]" in note  # no scale moves a reading that is always the same
+    assert "environment.scale=running, or [3,900,3]" in note  # no scale moves a reading that is always the same
 
 
 @pytest.mark.parametrize("value", [0.0, 0.5])
@@ -378,7 +380,7 @@ def test_the_scale_that_a_note_lists_lets_readings_move():
             return (1.5 + np.sin(self.place)) * self.sizes, 0.0, False, False, {}
 
     (note,) = world(Wide)[0].findings.notes
-    scale = json.loads(re.search(r"environment\.scale=(\[.*\])", note)[1])
+    scale = json.loads(re.search(r"(\[.*\])", note)[1])
     assert world(Wide, scale=scale)[0].findings.notes == ()
 
 
@@ -395,7 +397,7 @@ def test_a_note_on_many_readings_lists_no_scale_for_each():
 
     (note,) = world(Camera)[0].findings.notes
     assert "environment.scale" in note
-    assert "1000" in note
+    assert "[" not in note
     assert len(note) < 1000
 
 

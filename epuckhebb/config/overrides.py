@@ -24,6 +24,7 @@ from epuckhebb.config.schema import OPEN, SCHEMAS, literal
 from epuckhebb.controller.own_class import OwnClass
 from epuckhebb.runtime import ConfigError, conf, data_folder, did_you_mean
 from epuckhebb.runtime.yaml_file import check_keys, check_numbers
+from epuckhebb.tmaze.own_fitness import Fitness
 
 RUN_DIR, SWEEP_DIR = "hydra.run.dir=", "hydra.sweep.dir="
 _FORCED_DIR = re.compile(rf"^\+\+(?={RUN_DIR}|{SWEEP_DIR})")
@@ -262,6 +263,10 @@ def _overrides_of_keyword(key: str, value: Any) -> Iterator[str]:
     if key == _ENVIRONMENT.rstrip("=") and (callable(value) or (isinstance(value, Mapping) and "id" in value)):
         yield f"{_ENVIRONMENT}{ANY}"
         value = {"id": value} if callable(value) else value
+    kind = value if isinstance(value, type) else type(value)
+    if f"{key}.function" == Fitness.KEY and issubclass(kind, Fitness):
+        yield f"{Fitness.KEY}={quoted(object_text(kind))}"
+        value = {} if value is kind else {field.name: getattr(value, field.name) for field in fields(value)}
     is_class = isinstance(value, type) and not key.startswith(_ENVIRONMENT.rstrip("="))
     if is_class or (isinstance(value, OwnClass) and key != "ga"):
         raise ConfigError(f"{key} must be a name or settings here, got {value}; of a part of your own: FILE.py:NAME")

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _START_SPREAD = np.array([0.005, 0.010, 0.1])  # m, m, rad at a start noise of 1
+MOMENTS = "moments"  # among the measures: for the next generation, and for no optimizer
 _NEVER = 1_000_000  # generations; more than any evolution has
 _TRIALS = tuple(reversed(SIDES))  # lamp on (right) first, as in the published program
 
@@ -44,7 +45,8 @@ class Generation:
     goal. champion: (genes,) the fittest; after the last generation, the best of the optimizer's candidates.
     champion_fitness: by which it was chosen. remeasured: fitness of the fittest in fresh lifetimes, with plasticity and
     without; None if it was not measured. log: all results so far, for the optimizer. tables: what it has to show, by
-    name. robot_steps: cost.
+    name. robot_steps: cost. moments: of what was read in training before this generation, by which it reads, and up to
+    its end, (2, 3, readings); None if nothing is kept of it.
     """
 
     number: int
@@ -56,6 +58,7 @@ class Generation:
     tables: dict[str, "pd.DataFrame"]
     robot_steps: int
     remeasured: tuple[float, float] | None = None
+    moments: Floats | None = None
 
 
 class Evaluator(Protocol):
@@ -66,9 +69,13 @@ class Evaluator(Protocol):
         """How many lifetimes each individual runs in a generation."""
 
     def evaluate(
-        self, population: Floats, generation: int, measures: Sequence[str] = ()
+        self, population: Floats, generation: int, measures: Sequence[str] = (), moments: Floats | None = None
     ) -> tuple[Floats, Floats, dict[str, Floats], int]:
-        """Mean fitness and success of each individual, measures by name, and the steps that were run."""
+        """Mean fitness and success of each individual, measures by name, and the steps that were run.
+
+        moments: of what was read in the generations before, (3, readings); None in the first one. Those of a
+        `Generation` are then among the measures, as `MOMENTS`.
+        """
 
     def remeasure(self, genes: Floats, generation: int) -> tuple[float, float] | None:  # noqa: ARG002  # the maze needs them
         """Fitness of an individual in fresh lifetimes, with plasticity and without; None if not asked for."""
@@ -106,9 +113,12 @@ def evolve(
     def whole(genes: Floats) -> Floats:
         return complete_genomes(genes, network, rule, given)
 
+    moments = None if after is None else after.moments
     for number in range(0 if after is None else after.number + 1, generations):
         population = whole(search.ask())
-        fitness, success, measures, robot_steps = evaluator.evaluate(population, number, search.measures)
+        past = None if moments is None else moments[1]
+        fitness, success, measures, robot_steps = evaluator.evaluate(population, number, search.measures, past)
+        moments = measures.pop(MOMENTS, None)
         search.tell(fitness, measures)
         best = int(np.argmax(fitness))
         champion, champion_fitness = population[best], float(fitness[best])
@@ -120,7 +130,7 @@ def evolve(
             # Generation numbers after the last give fresh noise. These steps are in no row of the history: a row must
             # not depend on whether it is the last.
             rounds = -(-max(optimizer.confirm, CONFIRM * learns) // evaluator.lifetimes)
-            fresh = [evaluator.evaluate(candidates, generations + k)[0] for k in range(rounds)]
+            fresh = [evaluator.evaluate(candidates, generations + k, (), past)[0] for k in range(rounds)]
             confirmed = np.mean(fresh, axis=0)
             champion, champion_fitness = candidates[np.argmax(confirmed)], float(confirmed.max())
         yield Generation(
@@ -133,6 +143,7 @@ def evolve(
             tables=search.tables(),
             robot_steps=robot_steps,
             remeasured=remeasured,
+            moments=moments,
         )
 
 
@@ -195,7 +206,11 @@ class MazeEvaluator(NamedTuple):
         return self.loops * len(_TRIALS)
 
     def evaluate(
-        self, population: Floats, generation: int, measures: Sequence[str] = ()
+        self,
+        population: Floats,
+        generation: int,
+        measures: Sequence[str] = (),
+        moments: Floats | None = None,  # noqa: ARG002  # environments have some
     ) -> tuple[Floats, Floats, dict[str, Floats], int]:
         """Mean fitness and success over each individual's lifetimes, (individuals,) each; measures; the robot-steps.
 

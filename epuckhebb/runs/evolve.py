@@ -155,7 +155,7 @@ class PreparedEvolution:
             start=self.start_text,
             signs=training_signs(rule, self.network, config.seed) if rule.sign is Sign.shuffled else None,
             nominal=nominal,
-            **self.world.facts,
+            **self.world.facts(last.moments),
         )
 
 

@@ -4,6 +4,8 @@ Environments hold the lock of Python, so lifetimes run in processes. What each i
 are bit-identical with any number of processes.
 """
 
+import copy
+import functools
 import io
 import itertools
 import json
@@ -26,12 +28,13 @@ from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.control import Sign, signs, signs_of_draw
 from epuckhebb.controller.plasticity.rule import NoRule, Rule
 from epuckhebb.controller.random import Stream
-from epuckhebb.evolution.evolve import Evaluator, training_signs
+from epuckhebb.evolution.evolve import MOMENTS, Evaluator, training_signs
 from epuckhebb.runs import hydra
 from epuckhebb.runtime import ConfigError, compiling, refusing
 from epuckhebb.store import Genome
 from epuckhebb.worlds.environment import Lived
 from epuckhebb.worlds.lives import Setup, Work, live_in_worker
+from epuckhebb.worlds.spaces import RUNNING, merged
 from epuckhebb.worlds.world import Figures, World, Write
 
 _CHUNKS = 4  # of the work of each process, whose parts take different times
@@ -54,14 +57,16 @@ def make_setup(config: EnvironmentConfig) -> Setup:
 
 
 def run_lifetimes(
-    config: EnvironmentConfig, works: Sequence[Work], processes: int, times: int = 1
+    config: EnvironmentConfig, works: Sequence[Work], processes: int, times: int = 1, scale: Any = None
 ) -> list[list[Lived]]:
     """Run lifetimes in so many processes; for each work a list, in the order of its seeds.
 
     Those of a compiled environment run in threads. The first work is run here, and so are all others if processes would
-    take longer to start. times: how often as much work comes.
+    take longer to start. times: how often as much work comes. scale: of training with `environment.scale=running`.
     """
     setup = make_setup(config)._replace(is_fresh=config.world.findings.needs_fresh)
+    if scale is not None:
+        setup = setup._replace(world=config.world.reading_by(scale, in_training=True))
     began = time.perf_counter()
     first, works = setup.live(works[0]), works[1:]
     if config.world.is_compiled(config.judge):
@@ -83,7 +88,7 @@ def run_lifetimes(
 
 @dataclass(frozen=True, kw_only=True)
 class _Evaluator(Evaluator):
-    """Runs the lifetimes of a population. loops: of each individual in a generation."""
+    """Runs the lifetimes of a population."""
 
     config: Any
     processes: int
@@ -98,16 +103,26 @@ class _Evaluator(Evaluator):
         population: Floats,
         generation: int,
         measures: Sequence[str] = (),  # noqa: ARG002  # the maze has some
+        moments: Floats | None = None,
     ) -> tuple[Floats, Floats, dict[str, Floats], int]:
-        """Mean fitness of each individual, nan for success, no measures, and the steps that were run."""
+        """Mean fitness of each individual, nan for success, at most `MOMENTS`, and the steps that were run."""
+        world = self.config.world
+        scale = RUNNING if world.settings.scale == RUNNING else None
+        if moments is not None:
+            scale = world.read.frozen(moments)
         seed, loops = self.config.seed, range(self.lifetimes)
         seeds = tuple(environment_seed(seed, Stream.training_noise, generation, loop) for loop in loops)
         signs = training_signs(self.config.rule, self.config.network_made, seed)
         works = [Work(0, genes, seeds, signs) for genes in population]
-        found = run_lifetimes(self.config, works, self.processes, self.config.schedule.generations)
+        found = run_lifetimes(self.config, works, self.processes, self.config.schedule.generations, scale)
         fitness = np.array([np.mean([lived.fitness for lived in lives]) for lives in found])
         steps = sum(len(lived.rewards) for lives in found for lived in lives)
-        return fitness, np.full(len(fitness), np.nan), {}, steps
+        read = [lived.moments for lives in found for lived in lives if lived.moments is not None]
+        told = {}
+        if read:
+            past = np.zeros_like(read[0]) if moments is None else moments
+            told = {MOMENTS: np.array([past, functools.reduce(merged, read, past)])}
+        return fitness, np.full(len(fitness), np.nan), told, steps
 
 
 @dataclass(frozen=True)
@@ -121,11 +136,12 @@ class Gymnasium(World):
         """The settings of the environment, but for its processes."""
         return ({key: value for key, value in asdict(self.config.environment).items() if key != "processes"},)
 
-    @property
-    def facts(self) -> Mapping[str, Any]:
+    def facts(self, moments: Floats | None) -> Mapping[str, Any]:
         """The name of the environment, how it is read, and the name of what evolution maximised."""
-        name, judge = self.config.world.name, self.config.judge
-        its = {"environment": name, "environment_settings": json.dumps(self._kept_settings)}
+        world, judge, kept = self.config.world, self.config.judge, self._kept_settings
+        if moments is not None:
+            kept["scale"] = world.read.frozen(moments[0])
+        name, its = world.name, {"environment": world.name, "environment_settings": json.dumps(kept)}
         return {"robot": name, "lights": 0, **its, "fitness_function": judge.name if judge else ""}
 
     @property
@@ -142,6 +158,18 @@ class Gymnasium(World):
             evolved = f"a network {genome.network}{f' of {genome.robot}' if genome.robot else ''}"
             here = f"environment={self.config.world.name} has {self.config.network_made}"
             raise ConfigError(f"genome={genome.name} is for {evolved}, {here}")
+
+    def settings_for(self, genome: Genome) -> Any:
+        """The settings, with the scale that its training left to a champion where `environment.scale` is running."""
+        if self.config.environment.scale != RUNNING:
+            return self.config
+        if not genome.environment_settings:
+            needed = f"environment.scale={RUNNING} needs a champion of an environment"
+            raise ConfigError(f"{needed}, got genome={genome.name}")
+        scale, config = json.loads(genome.environment_settings)["scale"], copy.copy(self.config)
+        config.environment = replace(config.environment, scale=scale)
+        config.world = config.world.reading_by(scale)
+        return config
 
     def notes(self, genome: Genome | None = None) -> list[str]:
         """What random actions show of the environment, and how the evolution of a champion differs."""

@@ -48,8 +48,7 @@ class Maze(World):
         """The scenario, and the lifetime but for what is recorded."""
         return self.config.world, replace(self.config.lifetime, record_every=0)
 
-    @property
-    def facts(self) -> Mapping[str, Any]:
+    def facts(self, moments: Any) -> Mapping[str, Any]:  # noqa: ARG002  # environments have some
         """Robot, sensors, task, fitness, physics, and how the worlds of training varied."""
         config, world = self.config, self.config.world
         return {
@@ -62,6 +61,10 @@ class Maze(World):
             "sensors": reading_names(world.robot.sensors),
             "physics": "" if world.physics.name == PYMUNK.name else world.physics.name,
         }
+
+    def settings_for(self, genome: Genome) -> Any:  # noqa: ARG002  # environments need it
+        """The settings, which leave nothing to a champion."""
+        return self.config
 
     def check_genome(self, genome: Genome) -> None:
         """Refuse a champion of an environment, another task, wiring or robot, or of a robot with other sensors.

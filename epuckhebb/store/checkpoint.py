@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from epuckhebb.evolution.evolve import Generation, history_row
+from epuckhebb.evolution.evolve import MOMENTS, Generation, history_row
 from epuckhebb.evolution.search import Results, Search
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store.disk import CHECKPOINT, convert_errors, parse_arrays
@@ -51,6 +51,8 @@ class Checkpoint:
             "individuals": np.array([len(results.fitness) for results in last.log]),
             "results": np.concatenate([results.fitness for results in last.log]),
         } | {_MEASURE + name: np.concatenate(values) for name, values in measures.items()}
+        if last.moments is not None:
+            arrays[MOMENTS] = last.moments
         buffer = io.BytesIO()
         np.savez(buffer, **arrays)
         return buffer.getvalue()
@@ -87,5 +89,6 @@ class Checkpoint:
                 log=search.log,
                 tables=search.tables(),
                 robot_steps=0,
+                moments=arrays.get(MOMENTS),
             )
         return cls(generation, str(arrays["history"]))

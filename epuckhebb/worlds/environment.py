@@ -11,7 +11,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,7 +26,7 @@ from epuckhebb.controller.own_class import calling
 from epuckhebb.controller.random import Stream, rng
 from epuckhebb.controller.ranges import check, within
 from epuckhebb.worlds.changes import AT, CHANGES, DEAD, DELAY, FUNCTION, Faults, apply
-from epuckhebb.worlds.spaces import Reader, actor, space_parts
+from epuckhebb.worlds.spaces import Reader, actor, moments, space_parts
 from epuckhebb.worlds.trial import Findings, try_world
 
 _LONGEST = 1_000_000  # steps
@@ -40,11 +40,12 @@ class Environment:
 
     id: of Gymnasium, PACKAGE:ID for one that a package brings, or FILE.py:NAME, the user's class, or function that
     makes one. options: arguments with which it is made. horizon: steps of a lifetime. scale: of all readings, or of
-    each; None: from their bounds. reward_scale: reward of a step at which the live fitness is 1. neutral_fitness: the
-    live fitness of a step without reward. reads_reward: whether the reward of the step before is one more reading, the
-    last. learns_after_move: whether the weights change after a move, with its own reward, or before it, with that of
-    the step before. reward_weights: of a reward that is several numbers; None: it is one. step_s: length of a step [s],
-    for what has time constants. changes: each `{at: STEP, NAME: VALUE}`; change: their name, of those in `named`.
+    each; None: from their bounds; `running`: from what was read in training. reward_scale: reward of a step at which
+    the live fitness is 1. neutral_fitness: the live fitness of a step without reward. reads_reward: whether the reward
+    of the step before is one more reading, the last. learns_after_move: whether the weights change after a move, with
+    its own reward, or before it, with that of the step before. reward_weights: of a reward that is several numbers;
+    None: it is one. step_s: length of a step [s], for what has time constants. changes: each `{at: STEP, NAME: VALUE}`;
+    change: their name, of those in `named`.
     hidden: sizes of the hidden layers. population, generations, loops: of an evolution, with so many lifetimes of an
     individual. processes: 0 for one on each core.
     """
@@ -94,7 +95,7 @@ def reward_reading(reward: float, full: float) -> float:
 class Lived(NamedTuple):
     """A lifetime that is over. rewards, weight_changes, weight_steps: (steps,), the latter two only if recorded.
 
-    weight_steps: sum of |W - W| between two steps. fitness: what evolution maximises.
+    weight_steps: sum of |W - W| between two steps. fitness: what evolution maximises. moments: of what was read.
     """
 
     rewards: Floats
@@ -104,6 +105,7 @@ class Lived(NamedTuple):
     weight_changes: Floats
     weight_steps: Floats
     fitness: float = math.nan
+    moments: Floats | None = None
 
 
 def _finite(value: Any, what: str, hint: str = "") -> float:
@@ -118,11 +120,15 @@ def _finite(value: Any, what: str, hint: str = "") -> float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class World:
-    """An environment that is there. make: makes one. functions: changes of the user's, by their text in `changes`."""
+    """An environment that is there. make: makes one. functions: changes of the user's, by their text in `changes`.
+
+    in_training: whether lifetimes keep the moments of what is read.
+    """
 
     settings: Environment
     make: Callable[..., Any]
     functions: Mapping[str, Callable[[Any], None]] = field(default_factory=dict)
+    in_training: bool = False
 
     @property
     def name(self) -> str:
@@ -155,6 +161,10 @@ class World:
         """The function from an observation to the readings, (inputs,)."""
         what = f"environment {self.name}: observations"
         return Reader(self.observations, self.settings.scale, what, reads_reward=self.settings.reads_reward)
+
+    def reading_by(self, scale: Any, *, in_training: bool = False) -> "World":
+        """The same environment with another scale. in_training: whether its lifetimes keep moments."""
+        return replace(self, settings=replace(self.settings, scale=scale), in_training=in_training)
 
     @property
     def observations(self) -> Any:
@@ -331,9 +341,13 @@ class World:
                 found[:, step] = controller.weight_change, np.abs(controller.weights - before).sum()
             return outputs
 
-        def act(step: int, readings: Floats, reward: float, _observation: Any) -> Any:
+        values = list[Floats]()
+
+        def act(step: int, readings: Floats, reward: float, observation: Any) -> Any:
             if step == end:
                 controller.rate = 0.0
+            if self.in_training:
+                values.append(self.read.values(observation))
             if settings.learns_after_move:
                 return controller.decide(readings)
             return learning(step, lambda: controller.act(readings, live_fitness(reward, full, neutral)))
@@ -378,6 +392,7 @@ class World:
             weight_changes,
             weight_steps,
             fitness,
+            moments(np.array(values)) if values else None,
         )
 
     def metrics(self, lived: Lived) -> dict[str, float]:

@@ -2,7 +2,7 @@
 
 | space | readings | action |
 | --- | --- | --- |
-| Box | tanh(x / scale) of each number | the outputs, from -1 to 1, between its bounds |
+| Box | tanh((x - mean) / scale) of each number, mean 0 unless given | the outputs, from -1 to 1, between its bounds |
 | Discrete, MultiDiscrete | for each number a 1 among zeros | for each number the place of the largest of its outputs |
 | MultiBinary | its zeros and ones | 1 where an output is above 0 |
 | Dict, Tuple | those of its parts, one after the other | of its parts |
@@ -10,6 +10,7 @@
 | Text | none | – |
 """
 
+import math
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
@@ -20,6 +21,8 @@ from epuckhebb.controller.arrays import Floats
 
 _UNBOUNDED = 1e30  # bounds from here on are written for none, as the largest float32 is
 _WIDE = 3.0  # scale of readings without bounds
+RUNNING = "running"  # the scale that comes of what was read in training
+_STILL = 1e-6  # deviation of a reading, as a share of its mean, up to which it never moved
 _KINDS = ("Box", "Discrete", "MultiDiscrete", "MultiBinary", "Readings")
 _TEXT = "Text"
 
@@ -109,11 +112,12 @@ class Reader:
     """The function from an observation to the readings, (readings,).
 
     names: of the readings. is_measured: which of them are numbers of a Box, and not zeros and ones. scale: of each of
-    these; as given, or the largest size within its bounds, or 3 without bounds. reads_reward: whether a reward is the
-    last of the readings.
+    these; as given, or, also where it is `running`, the largest size within its bounds, or 3 without bounds; two lists
+    are means and scales. reads_reward: whether a reward is the last of the readings.
 
     Raises:
-        ValueError: the scale is no number above 0, nor one for each reading; an observation is another thing.
+        ValueError: the scale is nothing of this; it is `running` and nothing is scaled; an observation is another
+            thing.
     """
 
     def __init__(
@@ -123,11 +127,15 @@ class Reader:
         self.names = [name for part in self._parts for name in part.names]
         self.is_measured = np.repeat([part.kind == "Box" for part in self._parts], [part.size for part in self._parts])
         self.scale = np.concatenate([_usual_scale(part) for part in self._parts])
-        if given is not None:
-            self.scale = np.where(self.is_measured, _scale(given, len(self.names)), 1.0)
+        mean = np.zeros(len(self.names))
+        if isinstance(given, str) and given == RUNNING:
+            if not self.is_measured.any():
+                raise ValueError(f"environment.scale={RUNNING} is for numbers of a Box, and {what} hold none")
+        elif given is not None:
+            mean, self.scale = np.where(self.is_measured, _scale(given, len(self.names)), [[0.0], [1.0]])
         ends = np.cumsum([part.size for part in self._parts])
         self._readers = [
-            (part.path, _reader(part, self.scale[end - part.size : end]))
+            (part.path, _reader(part, mean[end - part.size : end], self.scale[end - part.size : end]))
             for part, end in zip(self._parts, ends, strict=True)
         ]
         self.reads_reward = reads_reward
@@ -143,13 +151,21 @@ class Reader:
             readings = np.concatenate([read(_at(observation, path)) for path, read in self._readers])
         return np.append(readings, reward) if self.reads_reward else readings
 
-    def sizes(self, observation: Any) -> Floats:
-        """The size of each measured number of an observation before its scale, 0 elsewhere, (readings,)."""
-        values = [
-            np.abs(np.ravel(_at(observation, part.path))) if part.kind == "Box" else np.zeros(part.size)
-            for part in self._parts
-        ]
-        return np.concatenate([*values, np.zeros(int(self.reads_reward))])
+    def values(self, observation: Any) -> Floats:
+        """Each measured number of an observation before its scale, 0 elsewhere, (readings without the reward,)."""
+        return np.concatenate(
+            [
+                np.ravel(_at(observation, part.path)).astype(np.float64) if part.kind == "Box" else np.zeros(part.size)
+                for part in self._parts
+            ]
+        )
+
+    def frozen(self, moments: Floats) -> list[list[float]]:
+        """The means and scales by moments of `values`: their deviations, and its own scale where nothing moved."""
+        count, mean, squares = moments
+        deviation = np.sqrt(squares / np.maximum(count, 1.0))
+        scale = np.where(deviation > _STILL * np.abs(mean), deviation, self.scale[: len(mean)])
+        return [mean.tolist(), scale.tolist()]
 
 
 def _at(observation: Any, path: tuple[Any, ...]) -> Any:
@@ -162,14 +178,32 @@ def _at(observation: Any, path: tuple[Any, ...]) -> Any:
     return part
 
 
+def moments(values: Floats) -> Floats:
+    """The number of rows, their mean, and the sum of squared differences from it: (3, columns)."""
+    mean = values.mean(axis=0)
+    return np.array([np.full(len(mean), len(values)), mean, ((values - mean) ** 2).sum(axis=0)])
+
+
+def merged(one: Floats, other: Floats) -> Floats:
+    """The moments of two sets of rows together, after Chan et al. 1979."""
+    count, apart = np.maximum(one[0] + other[0], 1.0), other[1] - one[1]
+    squares = one[2] + other[2] + apart**2 * one[0] * other[0] / count
+    return np.array([one[0] + other[0], one[1] + apart * other[0] / count, squares])
+
+
 def _scale(given: Any, count: int) -> Floats:
+    """The means and the scales, (2, count)."""
     try:
         scale = np.asarray(given, np.float64)
     except (TypeError, ValueError):
         scale = np.zeros(())
-    if scale.shape not in ((), (count,)) or not (np.isfinite(scale).all() and (scale > 0).all()):
-        raise ValueError(f"environment.scale must be a number above 0, or {count} of them, or null, got {given}")
-    return scale
+    is_known, both = scale.shape in ((), (count,), (2, count)), np.zeros((2, count))
+    if is_known:
+        both[0 if scale.ndim == 2 else 1 :] = scale
+    if not is_known or not (np.isfinite(both).all() and (both[1] > 0).all()):
+        needed = f"a number above 0, or {count} of them, or a list of {count} means and one of such numbers"
+        raise ValueError(f"environment.scale must be {needed}, or {RUNNING}, or null, got {given}")
+    return both
 
 
 def _usual_scale(part: Part) -> Floats:
@@ -180,7 +214,7 @@ def _usual_scale(part: Part) -> Floats:
     return np.ravel(np.where(has_low & has_high & (largest > 0), largest, _WIDE))
 
 
-def _reader(part: Part, scale: Floats) -> Callable[[Any], Floats]:
+def _reader(part: Part, mean: Floats, scale: Floats) -> Callable[[Any], Floats]:
     space, count = part.space, part.size
     if part.kind in ("Discrete", "MultiDiscrete"):
         sizes = np.ravel(space.n if part.kind == "Discrete" else space.nvec)
@@ -201,8 +235,9 @@ def _reader(part: Part, scale: Floats) -> Callable[[Any], Floats]:
         values = np.asarray(observation, np.float64).ravel()
         if values.shape != shrink.shape:
             raise ValueError(f"an observation must be of {count} numbers, got {observation!r}")
-        readings: Floats = np.tanh(values * shrink) if part.kind == "Box" else values.copy()  # faults change readings
-        if np.isnan(readings.sum()):
+        # A copy, since faults change readings.
+        readings: Floats = np.tanh((values - mean) * shrink) if part.kind == "Box" else values.copy()
+        if math.isnan(readings @ readings):  # the fastest way to find one
             raise ValueError(f"an observation must be of numbers, got {observation!r}")
         return readings
 

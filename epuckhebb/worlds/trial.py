@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.random import Stream, rng
 from epuckhebb.worlds.changes import AT
-from epuckhebb.worlds.spaces import Reader, text_places, unbounded
+from epuckhebb.worlds.spaces import RUNNING, Reader, text_places, unbounded
 
 if TYPE_CHECKING:
     from epuckhebb.worlds.environment import World
@@ -51,7 +51,8 @@ def _seen(world: "World", env: Any, seed: int, changes: Sequence[Mapping[str, An
         digest.update(readings.tobytes())
         np.minimum(low, readings, out=low)
         np.maximum(high, readings, out=high)
-        np.maximum(largest, world.read.sizes(observation), out=largest)
+        values = world.read.values(observation)
+        np.maximum(largest[: len(values)], np.abs(values), out=largest[: len(values)])
         return np.asarray(outputs[done + step])
 
     for episode in itertools.count():
@@ -90,7 +91,8 @@ def try_world(world: "World") -> Findings:
         first, other, again = (_seen(world, env, seed) for seed in (0, 1, 0))
     needs_fresh = first.digest != again.digest or other.digest != _fresh(world, 1).digest
     can_repeat = not needs_fresh or first.digest == _fresh(world, 0).digest
-    notes = [*_texts(world), *_readings(world.read, first, other), *_actions(world)]
+    notes = [*_texts(world), *_actions(world)]
+    notes += _readings(world.read, first, other) if world.settings.scale != RUNNING else []
     if not can_repeat:
         notes.append("The same seed gives another lifetime each time: results cannot be repeated or compared in pairs.")
     elif needs_fresh:
@@ -143,8 +145,8 @@ def _readings(read: Reader, *seen: _Seen) -> list[str]:
     is_told, hint = is_at_end | (is_still & (high > low)), ""  # no scale moves a reading that is always the same
     scale = ",".join(f"{value:.3g}" for value in np.where(is_told, largest, read.scale))
     if is_told.any():
-        hint = f"; try environment.scale=[{scale}]"
-        hint = hint if len(low) <= _TYPED else f"; environment.scale may have {len(low)} numbers"
+        hint = f"; try environment.scale={RUNNING}"
+        hint += f", or [{scale}]" if len(low) <= _TYPED else ""
     return [f"With random actions, {' and '.join(texts)}{hint}."] if texts else []
 
 

@@ -34,12 +34,14 @@ class World(Protocol):
     def identity(self) -> tuple[Any, ...]:
         """All of the world on which a lifetime depends, besides its controller, its genome and its seed."""
 
-    @property
-    def facts(self) -> Mapping[str, Any]:
-        """What the file of a champion says of the world in which it was evolved."""
+    def facts(self, moments: Floats | None) -> Mapping[str, Any]:
+        """What the file of a champion says of the world in which it was evolved. moments: of its `Generation`."""
 
     def check_genome(self, genome: "Genome") -> None:
         """Refuse a genome that cannot run here; a ConfigError."""
+
+    def settings_for(self, genome: "Genome") -> Any:
+        """The settings, with what they leave to the champion that is evaluated."""
 
     def notes(self, genome: "Genome | None" = None) -> list[str]:
         """What a reader must know of the world, and of a genome in it."""
