@@ -37,7 +37,7 @@ API = """# Python reference
 
 ::: epuckhebb.api.results.Live
 
-::: epuckhebb.controller.controller.Controller
+::: epuckhebb.api.controller.Controller
 
 ::: epuckhebb.controller.plasticity.rule.Rule
 

@@ -54,8 +54,8 @@ if TYPE_CHECKING:
     from epuckhebb.adaptation.adaptation import Adaptation
     from epuckhebb.adaptation.change_signal import ChangeSignal
     from epuckhebb.api import compare, evaluate, evolve, load, play, sweep
+    from epuckhebb.api.controller import Controller
     from epuckhebb.api.results import Evaluation, Evolution, Live
-    from epuckhebb.controller.controller import Controller
     from epuckhebb.controller.evolved import Evolved
     from epuckhebb.controller.network import Network, tanh
     from epuckhebb.controller.plasticity.rule import Rule
@@ -74,7 +74,7 @@ _FROM = {  # name -> where it is, if not in `api`
     "GA": "evolution.optimizers.ga",
     "Adaptation": "adaptation.adaptation",
     "ChangeSignal": "adaptation.change_signal",
-    "Controller": "controller.controller",
+    "Controller": "api.controller",
     "Coupling": "flock.coupling",
     "Evaluation": "api.results",
     "Evolution": "api.results",

@@ -20,6 +20,7 @@ from epuckhebb.controller.plasticity.rule import Normalise
 from epuckhebb.controller.plasticity.rules.abcd import ABCD
 from epuckhebb.controller.plasticity.rules.oja import Oja
 from epuckhebb.runs import make_genome, prepare_evaluation
+from epuckhebb.store import load_genome
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "any_world" / "thermostat.py"
 spec = importlib.util.spec_from_file_location("thermostat_of_test", EXAMPLE)
@@ -99,6 +100,24 @@ def test_a_sweep_has_environments_and_rules_as_objects(champion):
     alone = epuckhebb.evaluate(genes, *words, environment=Room, hebbian=Oja(N=0.02), repeats=2, progress=False)
     own = rows[(rows.environment == "Room") & (rows.N == 0.02)].reset_index(drop=True)
     pd.testing.assert_frame_equal(own[list(alone.metrics)], alone.metrics[alone.metrics.N > 0].reset_index(drop=True))
+
+
+@pytest.mark.usefixtures("here")
+def test_a_controller_of_a_run_has_its_network_rule_and_signs():
+    words = ["environment.hidden=[3]", "environment.step_s=0.01", "hebbian=modulated", "hebbian.sign=shuffled"]
+    few = ["optimizer.generations=1", "optimizer.population=4", "optimizer.starts=4", "optimizer.confirm=1"]
+    done("evolve", f"environment={EXAMPLE}:Room", "environment.horizon=20", *words, *few, "hydra.run.dir=run")
+    ours, genome = epuckhebb.Controller("run"), load_genome("run", "")
+    rule = load_any("evolve", [f"environment={EXAMPLE}:Room", *words]).rule
+    by_hand = epuckhebb.Controller(genome.genes, genome.network, rule, signs=genome.signs, step_s=0.01)
+    drawn = np.random.default_rng(1).uniform(-1, 1, (50, genome.network.inputs))
+    outputs = [[one.act(readings, 0.5) for readings in drawn] for one in (ours, by_hand)]
+    np.testing.assert_array_equal(*outputs)
+    assert ours.weight_change > 0
+    other = epuckhebb.Controller("run", rule=replace(rule, N=0.0))
+    assert (other.network, other.rate, other.step_s) == (genome.network, 0.0, 0.01)
+    with pytest.raises(ValueError, match="nowhere"):
+        epuckhebb.Controller("nowhere")
 
 
 @pytest.mark.usefixtures("here")
