@@ -1,5 +1,6 @@
 """SLURM's queue as a program that answers `squeue` has it: what waits, and what is lost."""
 
+import os
 import pickle
 
 import pytest
@@ -59,3 +60,14 @@ def test_a_job_that_waits_again_is_not_lost(queue):
 def test_a_controller_that_does_not_answer_loses_nothing(queue):
     queue.look()
     assert not queue.lost
+
+
+def test_what_an_earlier_call_left_waiting_is_taken_back(queue, tmp_path, monkeypatch):
+    lines = [f"{job}|{folder}/.submission_file.sh\n" for job, folder in (("7", queue.folder), ("8", tmp_path))]
+    (tmp_path / "waiting").write_text("".join([*lines, lines[0]]))
+    (tmp_path / "scancel").write_text(f'#!/bin/sh\necho "$@" > {tmp_path}/cancelled\n')
+    (tmp_path / "scancel").chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
+    monkeypatch.setattr(slurm, "_WAITING", ["cat", str(tmp_path / "waiting")])
+    slurm._take_back(queue.folder)
+    assert (tmp_path / "cancelled").read_text() == "--state=PENDING 7\n"
