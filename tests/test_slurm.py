@@ -71,3 +71,13 @@ def test_what_an_earlier_call_left_waiting_is_taken_back(queue, tmp_path, monkey
     monkeypatch.setattr(slurm, "_WAITING", ["cat", str(tmp_path / "waiting")])
     slurm._take_back(queue.folder)
     assert (tmp_path / "cancelled").read_text() == "--state=PENDING 7\n"
+
+
+@pytest.mark.usefixtures("queue")
+def test_a_job_that_is_lost_alone_is_the_first(tmp_path, monkeypatch):
+    alone = slurm.Queue(tmp_path / "alone")
+    (alone.folder / "9").mkdir(parents=True)
+    (alone.folder / "9" / "9_submitted.pkl").touch()
+    monkeypatch.setattr(slurm, "_ASK", ["echo", "9|CANCELLED|None"])
+    alone.look()
+    assert list(alone.lost) == [0]

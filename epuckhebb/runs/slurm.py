@@ -65,7 +65,7 @@ class Queue:
         if gone and len(gone) == len(waited) and all(now - since > _PATIENCE_S for since in self._ended.values()):
             for job in gone:
                 error = JobFailedError(f"SLURM ended it without a result: {states[job]}")
-                self.lost[int(job.rpartition("_")[2])] = error
+                self.lost[int(job.partition("_")[2] or 0)] = error  # a job alone is no array
                 self._result(job).write_bytes(pickle.dumps(("error", str(error))))  # as submitit does of one that fails
 
     def _result(self, job: str) -> Path:
