@@ -6,6 +6,7 @@ import pickle
 import pytest
 
 from epuckhebb.runs import slurm
+from epuckhebb.runtime import ConfigError
 
 
 @pytest.fixture
@@ -81,3 +82,9 @@ def test_a_job_that_is_lost_alone_is_the_first(tmp_path, monkeypatch):
     monkeypatch.setattr(slurm, "_ASK", ["echo", "9|CANCELLED|None"])
     alone.look()
     assert list(alone.lost) == [0]
+
+
+def test_a_machine_that_is_of_no_cluster_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(ConfigError, match="srun"), slurm.watching(f"{tmp_path}/%j"):
+        pass

@@ -14,9 +14,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from shutil import which
 from unittest.mock import patch
 
-from epuckhebb.runtime import JobFailedError, say
+from epuckhebb.runtime import ConfigError, JobFailedError, say
 
 _AWAY = "it is no longer in the queue"
 _LOOK_S = 15.0  # between two looks at the queue
@@ -99,11 +100,16 @@ def watching(folders: str) -> Iterator[Queue]:
     """Time in which jobs that submitit submits are watched in SLURM's queue, by a thread.
 
     folders: of the jobs, as submitit has them, as `FOLDER/%j`.
+
+    Raises:
+        ConfigError: This machine is of no cluster.
     """
+    if which("srun") is None:
+        raise ConfigError("hydra/launcher=slurm must be called on a SLURM cluster: there is no `srun` here")
     from submitit.slurm.slurm import SlurmInfoWatcher
 
     folder = Path(folders.partition("%")[0])
-    with suppress(OSError, subprocess.SubprocessError):  # no SLURM here, as the launcher says
+    with suppress(subprocess.SubprocessError):  # the controller is away, for a while
         _take_back(folder)
     queue, is_over = Queue(folder), threading.Event()
 
