@@ -197,6 +197,7 @@ def run_many(
             call(command, functools.partial(_job_of_hydra, command, job), [*words, "--multirun"], config_dir, jobs)
     except ConfigError:
         if before is None:
+            (folder / MULTIRUN).unlink(missing_ok=True)
             _remove_empty(folder)
         else:
             write_atomic(folder / MULTIRUN, before)
