@@ -139,13 +139,17 @@ def torture(session: nox.Session) -> None:
 
 @nox.session(tags=["heavy"])
 def slurm(session: nox.Session) -> None:
-    """Run a sweep on a SLURM cluster of one node, which is installed (Debian, as root) if it is not there."""
+    """Run jobs, and lose them, on a SLURM of one node, which is installed (Debian, as root) if it is not there.
+
+    Other losses: `nox -s slurm -- --torture-seed 2`.
+    """
     if not shutil.which("slurmctld"):
         session.run("apt-get", "update", "--quiet=2", external=True)
         quietly = {"DEBIAN_FRONTEND": "noninteractive"}
         session.run("apt-get", "install", "--quiet=2", "--yes", "slurm-wlm", external=True, env=quietly)
     session.install(".[slurm]", *group("tests"), STABLE)
-    session.run("python", "tests/slurm_cluster.py", "pytest", "-m", "slurm", "tests/test_launchers.py")
+    tests = ["tests/test_launchers.py", "tests/torture/test_lost_jobs.py"]
+    session.run("python", "tests/slurm_cluster.py", "pytest", "-m", "slurm", *tests, *session.posargs)
 
 
 @nox.session(tags=["heavy"])

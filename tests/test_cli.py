@@ -79,9 +79,12 @@ def test_a_worker_works_in_the_folder_of_the_call(here, monkeypatch):
 
 def test_a_multirun_without_a_run_in_its_folder_is_an_error(here, monkeypatch):
     monkeypatch.setattr(hydra._Chosen, "_do", lambda _, tasks: [None] * len(tasks))
-    result = call("evaluate", "-m", "seed=1,2", *FAST, "hydra.sweep.dir=here")
+    words = ["evaluate", "-m", "seed=1,2", *FAST, "hydra.sweep.dir=here"]
+    result = call(*words)
     assert result.exit_code == JOB_FAILED
     assert "here/0" in result.stderr
+    Path("here/.submitit").mkdir()  # of jobs that were submitted, and none began
+    assert call(*words).exit_code == JOB_FAILED
     assert f"dir: {here}/here" in Path("here/multirun.yaml").read_text()
 
 

@@ -81,16 +81,17 @@ def test_how_it_ends_is_written_down_and_it_can_go_on(study, error, raised, stat
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no such signal")
+@pytest.mark.parametrize("error", [SystemExit(-1), RuntimeError("timed out")])
 @pytest.mark.parametrize("is_signal", [True, False])
-def test_a_launcher_that_ends_its_job_is_let_through_and_a_part_that_leaves_python_has_failed(study, is_signal):
+def test_a_launcher_that_ends_its_job_is_let_through_and_a_part_that_ends_it_has_failed(study, is_signal, error):
     folder, _ = study
-    raised = SystemExit if is_signal else JobFailedError
 
     def leave(*_):
-        sys.exit(-1)
+        raise error
 
     before = signal.signal(signal.SIGUSR2, leave if is_signal else signal.SIG_DFL)
     try:
+        raised = type(error) if is_signal else JobFailedError
         with pytest.raises(raised), RunFolder.resume(folder, "study", None, [], {}):
             signal.raise_signal(signal.SIGUSR2) if is_signal else leave()
     finally:

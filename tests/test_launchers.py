@@ -109,6 +109,44 @@ def test_a_job_that_slurm_loses_costs_itself_where_there_are_no_accounts(monkeyp
     assert Path("out/summary.csv").read_bytes() == Path("alone/summary.csv").read_bytes()
 
 
+@pytest.mark.slurm
+@pytest.mark.usefixtures("here")
+@pytest.mark.filterwarnings("default")
+def test_an_evolution_whose_time_ends_goes_on_as_often_as_it_may(monkeypatch):
+    """SLURM's signal before a limit comes twice: the job begins again once, is then stopped, and can go on."""
+    monkeypatch.setattr("epuckhebb.runs.slurm._LOOK_S", 1.0)
+    few = ["ga.generations=150", "ga.population=10", "ga.loops=1", "lifetime.duration_s=20", "figures=none"]
+    on_slurm = ["hydra/launcher=slurm", "hydra.launcher.mem_gb=1", "hydra.launcher.timeout_min=5"]
+    words = ["evolve", "-m", "seed=1", *few, *on_slurm, "hydra.launcher.max_num_timeout=1", "hydra.sweep.dir=out"]
+    states = []
+
+    def state():
+        return Run(Path("out/0")).recorded_status.get("state")
+
+    def end_its_time():
+        for _ in range(2):
+            while state() != "running" or not Path("out/0/checkpoint.npz").exists():
+                time.sleep(0.1)
+            running = ["squeue", "--me", "--states=RUNNING", "--noheader", "--format=%i"]
+            job = subprocess.run(running, capture_output=True, text=True, check=True).stdout.strip()
+            subprocess.run(["scancel", "--signal=USR2", job], check=True)
+            while state() == "running":
+                time.sleep(0.1)
+            states.append(state())
+
+    thread = threading.Thread(target=end_its_time, daemon=True)
+    thread.start()
+    ended = call(*words)
+    thread.join()
+    assert states == ["interrupted"] * 2
+    assert ended.exit_code == 1
+    assert "timeout_min" in ended.stderr
+    done(*words)
+    done("evolve", "-m", "seed=1", *few, "hydra.sweep.dir=alone")
+    for name in ("history.csv", "champion.npz", "checkpoint.npz"):
+        assert Path("out/0", name).read_bytes() == Path("alone/0", name).read_bytes()
+
+
 @pytest.mark.ray
 @pytest.mark.filterwarnings("default")  # Ray leaves sockets open
 def test_three_jobs_on_ray(here):

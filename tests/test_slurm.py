@@ -1,10 +1,12 @@
 """SLURM's queue as a program that answers `squeue` has it: what waits, and what is lost."""
 
+import os
 import pickle
 
 import pytest
 
 from epuckhebb.runs import slurm
+from epuckhebb.runtime import ConfigError
 
 
 @pytest.fixture
@@ -59,3 +61,30 @@ def test_a_job_that_waits_again_is_not_lost(queue):
 def test_a_controller_that_does_not_answer_loses_nothing(queue):
     queue.look()
     assert not queue.lost
+
+
+def test_what_an_earlier_call_left_waiting_is_taken_back(queue, tmp_path, monkeypatch):
+    lines = [f"{job}|{folder}/.submission_file.sh\n" for job, folder in (("7", queue.folder), ("8", tmp_path))]
+    (tmp_path / "waiting").write_text("".join([*lines, lines[0]]))
+    (tmp_path / "scancel").write_text(f'#!/bin/sh\necho "$@" > {tmp_path}/cancelled\n')
+    (tmp_path / "scancel").chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
+    monkeypatch.setattr(slurm, "_WAITING", ["cat", str(tmp_path / "waiting")])
+    slurm._take_back(queue.folder)
+    assert (tmp_path / "cancelled").read_text() == "--state=PENDING 7\n"
+
+
+@pytest.mark.usefixtures("queue")
+def test_a_job_that_is_lost_alone_is_the_first(tmp_path, monkeypatch):
+    alone = slurm.Queue(tmp_path / "alone")
+    (alone.folder / "9").mkdir(parents=True)
+    (alone.folder / "9" / "9_submitted.pkl").touch()
+    monkeypatch.setattr(slurm, "_ASK", ["echo", "9|CANCELLED|None"])
+    alone.look()
+    assert list(alone.lost) == [0]
+
+
+def test_a_machine_that_is_of_no_cluster_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(ConfigError, match="srun"), slurm.watching(f"{tmp_path}/%j"):
+        pass

@@ -10,7 +10,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields, make_dataclass
 from enum import Enum
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast, get_type_hints
 
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -322,8 +322,15 @@ def literal(value: Any) -> Any:
 def value_as_declared(key: str, value: Any, command: str) -> Any:
     """A value of a key of a command, of the type that the schema declares."""
     with refusing(explain, OmegaConfBaseException):
-        keys: Any = OmegaConf.merge(_keys_of(SCHEMAS[command]), {key: value})
-    return keys[key]
+        one: Any = OmegaConf.merge(_key_alone(SCHEMAS[command], key), {key: value})
+    return one[key]
 
 
 _keys_of = functools.cache(OmegaConf.structured)  # the keys of a schema with their types; each job of a sweep has them
+
+
+@functools.cache
+def _key_alone(schema: type[Config], key: str) -> Any:
+    """A key of a schema with its type, without the others, which a merge would copy for each job of a sweep."""
+    alone: Any = make_dataclass("Alone", [(key, get_type_hints(schema)[key])])
+    return OmegaConf.structured(alone)

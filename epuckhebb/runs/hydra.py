@@ -50,6 +50,7 @@ from epuckhebb.runtime import (
     begin_worker,
     data_folder,
     is_interruption,
+    is_of_handler,
     leaving,
     refusing,
     thread_count,
@@ -65,6 +66,8 @@ from epuckhebb.store import (
 )
 
 _CHECKED_IN_FULL = 20  # a longer list of values is checked at its two ends
+# Submitit ends a job by a signal before SLURM would, unless the job may begin again.
+_LIMIT = "its time ended (hydra.launcher.timeout_min; max_num_timeout=N begins it again N times)"
 _FULL_ERROR = "HYDRA_FULL_ERROR"  # environment variable
 
 
@@ -194,6 +197,7 @@ def run_many(
             call(command, functools.partial(_job_of_hydra, command, job), [*words, "--multirun"], config_dir, jobs)
     except ConfigError:
         if before is None:
+            (folder / MULTIRUN).unlink(missing_ok=True)
             _remove_empty(folder)
         else:
             write_atomic(folder / MULTIRUN, before)
@@ -291,7 +295,7 @@ def _do(task: Callable[[Any], None], errors: list[Exception], parent: int, folde
     except Exception as error:
         if is_interruption(error):
             raise KeyboardInterrupt from error
-        failure = JobFailedError(f"{type(error).__name__}: {error}")
+        failure = JobFailedError(_LIMIT if is_of_handler(error) else f"{type(error).__name__}: {error}")
     else:
         return None
     errors.append(failure)

@@ -1,7 +1,8 @@
 """What SLURM's queue knows of the jobs of a call: those that wait, and why, and those that are lost.
 
 Submitit asks SLURM's accounts (`sacct`) how a job is. Where SLURM keeps none, submitit waits for ever for a job that
-was cancelled, or whose node was lost. Every SLURM has its queue (`squeue`).
+was cancelled, or whose node was lost; where it keeps some, submitit ends at the first of them, and leaves the others.
+Every SLURM has its queue (`squeue`), which alone is asked here.
 """
 
 import pickle
@@ -10,11 +11,13 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from shutil import which
+from unittest.mock import patch
 
-from epuckhebb.runtime import JobFailedError, say
+from epuckhebb.runtime import ConfigError, JobFailedError, say
 
 _AWAY = "it is no longer in the queue"
 _LOOK_S = 15.0  # between two looks at the queue
@@ -23,6 +26,7 @@ _ANSWER_S = 60.0  # of a busy controller
 # The states of `squeue` from which no job comes back; one that is requeued or held is in none of them.
 _ENDED = {"BOOT_FAIL", "CANCELLED", "COMPLETED", "DEADLINE", "FAILED", "NODE_FAIL", "OUT_OF_MEMORY", "TIMEOUT"}
 _ENDED |= {"PREEMPTED", _AWAY}
+_WAITING = ["squeue", "--me", "--states=PENDING", "--noheader", "--format=%F|%o"]  # with the file that was submitted
 _ASK = ["squeue", "--me", "--states=all", "--array", "--noheader", "--format=%i|%T|%r"]
 
 
@@ -62,7 +66,7 @@ class Queue:
         if gone and len(gone) == len(waited) and all(now - since > _PATIENCE_S for since in self._ended.values()):
             for job in gone:
                 error = JobFailedError(f"SLURM ended it without a result: {states[job]}")
-                self.lost[int(job.rpartition("_")[2])] = error
+                self.lost[int(job.partition("_")[2] or 0)] = error  # a job alone is no array
                 self._result(job).write_bytes(pickle.dumps(("error", str(error))))  # as submitit does of one that fails
 
     def _result(self, job: str) -> Path:
@@ -79,13 +83,35 @@ class Queue:
             say(f"SLURM job {jobs[0].partition('_')[0]}: {note}; output in {self.folder}")
 
 
+def _take_back(folder: Path) -> None:
+    """Cancel the jobs that a call before this one, which is gone, left waiting: this call submits them again.
+
+    folder: in which submitit keeps the files of this call and of those before it.
+    """
+    asked = subprocess.run(_WAITING, capture_output=True, text=True, check=False, timeout=_ANSWER_S).stdout
+    lines = [line.split("|", 1) for line in asked.splitlines()]
+    if waiting := sorted({job for job, file in lines if Path(file).parent == folder.absolute()}):
+        say(f"SLURM job {', '.join(waiting)} of an earlier call: what waits in the queue is cancelled, for this call")
+        subprocess.run(["scancel", "--state=PENDING", *waiting], check=False, timeout=_ANSWER_S)
+
+
 @contextmanager
 def watching(folders: str) -> Iterator[Queue]:
     """Time in which jobs that submitit submits are watched in SLURM's queue, by a thread.
 
     folders: of the jobs, as submitit has them, as `FOLDER/%j`.
+
+    Raises:
+        ConfigError: This machine is of no cluster.
     """
-    queue, is_over = Queue(Path(folders.partition("%")[0])), threading.Event()
+    if which("srun") is None:
+        raise ConfigError("hydra/launcher=slurm must be called on a SLURM cluster: there is no `srun` here")
+    from submitit.slurm.slurm import SlurmInfoWatcher
+
+    folder = Path(folders.partition("%")[0])
+    with suppress(subprocess.SubprocessError):  # the controller is away, for a while
+        _take_back(folder)
+    queue, is_over = Queue(folder), threading.Event()
 
     def watch() -> None:
         while not is_over.wait(_LOOK_S):
@@ -94,6 +120,7 @@ def watching(folders: str) -> Iterator[Queue]:
     watcher = threading.Thread(target=watch, daemon=True)
     watcher.start()
     try:
-        yield queue
+        with patch.object(SlurmInfoWatcher, "_make_command", return_value=None):
+            yield queue
     finally:
         is_over.set()

@@ -163,7 +163,7 @@ class RunFolder:
                     raise JobFailedError(f"{self.path / STATUS} cannot be written: {full.strerror}") from full
             elif is_interruption(error):
                 raise KeyboardInterrupt(self._interrupted()) from None
-            elif isinstance(error, SystemExit) and is_of_handler(error):
+            elif error is not None and is_of_handler(error):
                 self._interrupted()  # the launcher has asked for it, and must hear of it
             elif isinstance(error, Exception | SystemExit):  # a user's own part may even leave Python
                 with suppress(OSError):  # on a full disk the error itself matters
@@ -263,8 +263,8 @@ def set_aside(entry: Path, study: Path, why: str) -> None:
 
 
 def check_multirun_folder(path: Path) -> None:
-    """Refuse a folder for a multirun that holds anything but runs and tables of an earlier one."""
-    if path.is_dir() and not multirun_runs(path):
+    """Refuse a folder for a multirun that holds anything but what an earlier one left."""
+    if path.is_dir() and not (path / MULTIRUN).is_file() and not multirun_runs(path):
         _refuse_foreign(path)
 
 
