@@ -163,7 +163,7 @@ class World:
         return Reader(self.observations, self.settings.scale, what, reads_reward=self.settings.reads_reward)
 
     def reading_by(self, scale: Any, *, in_training: bool = False) -> "World":
-        """The same environment with another scale. in_training: whether its lifetimes keep moments."""
+        """This environment with another scale. in_training: whether its lifetimes keep moments."""
         return replace(self, settings=replace(self.settings, scale=scale), in_training=in_training)
 
     @property
