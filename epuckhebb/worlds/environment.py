@@ -108,12 +108,13 @@ class Lived(NamedTuple):
     moments: Floats | None = None
 
 
-def _finite(value: Any, what: str, hint: str = "") -> float:
+def _finite(value: Any, what: str) -> float:
     try:
         number = float(value)
     except (TypeError, ValueError):
         number = math.nan
     if not math.isfinite(number):
+        hint = "; environment.reward_weights makes one number of several" if np.size(value) > 1 else ""
         raise ValueError(f"{what} must be a finite number, got {value!r}{hint}")
     return number
 
@@ -294,8 +295,7 @@ class World:
         """The reward as one number."""
         weights = self.settings.reward_weights
         if weights is None:
-            hint = "; environment.reward_weights makes one number of several" if np.size(reward) > 1 else ""
-            return _finite(reward, "a reward", hint)
+            return _finite(reward, "a reward")
         if np.shape(reward) != (len(weights),):
             raise ValueError(f"a reward must be {len(weights)} numbers, as environment.reward_weights, got {reward!r}")
         return _finite(np.dot(weights, reward), "a reward")

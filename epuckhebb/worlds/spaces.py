@@ -229,14 +229,14 @@ def _reader(part: Part, mean: Floats, scale: Floats) -> Callable[[Any], Floats]:
             return readings
 
         return placed
-    shrink = 1.0 / scale
+    shrink, is_box, is_moved = 1.0 / scale, part.kind == "Box", bool(mean.any())
 
     def shrunk(observation: Any) -> Floats:
         values = np.asarray(observation, np.float64).ravel()
         if values.shape != shrink.shape:
             raise ValueError(f"an observation must be of {count} numbers, got {observation!r}")
         # A copy, since faults change readings.
-        readings: Floats = np.tanh((values - mean) * shrink) if part.kind == "Box" else values.copy()
+        readings: Floats = np.tanh((values - mean if is_moved else values) * shrink) if is_box else values.copy()
         if math.isnan(readings @ readings):  # the fastest way to find one
             raise ValueError(f"an observation must be of numbers, got {observation!r}")
         return readings
