@@ -290,6 +290,23 @@ def test_foraging():
             assert (row.reward_low, row.reward_high) == pytest.approx(again, abs=1.0)
 
 
+def test_foraging_lifespans():
+    """The means of cells and the differences to plain networks, with intervals, from the table by champion."""
+    cell = ["season", "steps", "known"]
+    champions = read("foraging_lifespans/champions").set_index([*cell, "method", "controller"]).sort_index().reward
+    for row in read("foraging_lifespans/cells").itertuples():
+        place = row.season, row.steps, row.known
+        names = [(*place, row.method, row.controller)], [(*place, "plain", "network")]
+        ours, plain = (champions.loc[name].to_numpy() for name in names)
+        assert (row.champions, row.reward) == (len(ours), pytest.approx(ours.mean()))
+        assert row.over_plain == pytest.approx(ours.mean() - plain.mean(), abs=1e-12)
+        if len(ours) > 1 and np.ptp(ours) > 0:
+            again = stats.bootstrap(
+                (ours, plain), lambda x, y, axis: x.mean(axis=axis) - y.mean(axis=axis), method="percentile", rng=1
+            ).confidence_interval
+            assert (row.over_plain_low, row.over_plain_high) == pytest.approx(again, abs=0.001)
+
+
 def test_anti_hebbian():
     """Both rates, gains, and Cohen's d with its interval, from the table by network."""
     gains, rates = read("anti_hebbian/gains"), read("anti_hebbian/rates")

@@ -94,7 +94,11 @@ def test_the_report_of_the_flocks_is_that_of_their_table(committed):
     committed(path, flock.page(*tables(path.parent, "flock"), made, figures))
 
 
-EXAMPLES = {"evolve_or_adapt": ("evolve_or_adapt", "EvolveOrAdapt"), "foraging": ("foraging", "Methods")}
+EXAMPLES = {
+    "evolve_or_adapt": ("evolve_or_adapt", "EvolveOrAdapt"),
+    "foraging": ("foraging", "Methods"),
+    "foraging_lifespans": ("foraging", "Lifespans"),
+}
 
 
 def example(name):
