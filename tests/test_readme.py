@@ -211,12 +211,19 @@ def foraging():
         for row in (means.loc["modulated", "rule"], means.loc["modulated", "frozen"], means.loc["plain", "network"])
     )
     turned, more = rows.loc["modulated", "frozen"], rows.loc["modulated", "plain"]
+    cells = pd.read_csv(REFERENCE / "foraging_lifespans" / "cells.csv").query("controller == 'rule' and season == 2000")
+    drawn, known = (
+        f"{row.over_plain:+.3f} [{row.over_plain_low:+.3f}, {row.over_plain_high:+.3f}]"
+        for row in cells.sort_values("known").itertuples()
+    )
     assert turned.p_holm < 0.05 <= more.p_holm  # else the sentence is another one
     return (
         f"- When food [changes with the season](docs/foraging.md), ten champions with a rule that a neuron modulates "
         f"turn round: they earn {rule}, with weights frozen after the first season {frozen} (difference from "
         f"then on {turned.difference:+.1f}, p = {turned.p_holm:.2g}); "
-        f"ten without a rule, which react to their last reward, {plain} (to the rule: p = {more.p_holm:.2g}).\n"
+        f"ten without a rule, which react to their last reward, {plain} (to the rule: p = {more.p_holm:.2g}). "
+        f"With one season a lifetime that is drawn, the rule adds {drawn} to the reward of a step, with one that is known "
+        f"{known}.\n"
     )
 
 
