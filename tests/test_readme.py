@@ -222,8 +222,8 @@ def foraging():
         f"turn round: they earn {rule}, with weights frozen after the first season {frozen} (difference from "
         f"then on {turned.difference:+.1f}, p = {turned.p_holm:.2g}); "
         f"ten without a rule, which react to their last reward, {plain} (to the rule: p = {more.p_holm:.2g}). "
-        f"With one season a lifetime that is drawn, the rule adds {drawn} to the reward of a step, with one that is known "
-        f"{known}.\n"
+        f"With one season a lifetime that is drawn, it adds {drawn} to the reward of a step (six champions, no test), "
+        f"with one that is known {known}.\n"
     )
 
 
