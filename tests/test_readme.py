@@ -218,12 +218,12 @@ def foraging():
     )
     assert turned.p_holm < 0.05 <= more.p_holm  # else the sentence is another one
     return (
-        f"- When food [changes with the season](docs/foraging.md), ten champions with a rule that a neuron modulates "
-        f"turn round: they earn {rule}, with weights frozen after the first season {frozen} (difference from "
-        f"then on {turned.difference:+.1f}, p = {turned.p_holm:.2g}); "
-        f"ten without a rule, which react to their last reward, {plain} (to the rule: p = {more.p_holm:.2g}). "
-        f"With one season a lifetime that is drawn, it adds {drawn} to the reward of a step (six champions, no test), "
-        f"with one that is known {known}.\n"
+        f"- When food [changes with the season](docs/foraging.md), that learning pays is **not shown**: ten champions "
+        f"with a rule that a neuron modulates earn {rule}, with weights frozen after the first season {frozen} "
+        f"(difference from then on {turned.difference:+.1f}, p = {turned.p_holm:.2g}), but ten without a rule, which "
+        f"react to their last reward, {plain} (to the rule: p = {more.p_holm:.2g}), and a script that knows the season "
+        f"{means.loc['knows', 'network'].reward:.0f}. With one season a lifetime that is drawn, the rule adds {drawn} "
+        f"to the reward of a step (six champions, no test), with one that is known {known}.\n"
     )
 
 
