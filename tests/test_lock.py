@@ -4,11 +4,14 @@ import errno
 import os
 import subprocess
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 import filelock
 import pytest
+from cases import refused
 
+from epuckhebb.runtime import ConfigError
 from epuckhebb.store import lock
 from epuckhebb.store.folder import RunFolder
 
@@ -31,6 +34,21 @@ def test_the_system_lets_go_of_a_folder_when_its_process_is_killed(here):
     assert not lock.is_locked(here)
     with RunFolder.resume(here, "sweep", None, [], {}):  # what it left is known as ours
         assert lock.is_locked(here)
+
+
+def test_a_multirun_that_finds_another_at_work_leaves_its_files(here, monkeypatch):
+    """Also those that the other one writes while this one waits for the folder."""
+
+    @contextmanager
+    def busy(folder):
+        folder.mkdir()
+        (folder / "multirun.yaml").write_text("of the other")
+        raise ConfigError("another process is working on many")
+        yield
+
+    monkeypatch.setattr("epuckhebb.runs.hydra.locked", busy)
+    assert "another process" in refused("evaluate", "-m", "seed=1,2", "hydra.sweep.dir=many")
+    assert (here / "many" / "multirun.yaml").read_text() == "of the other"
 
 
 @pytest.mark.usefixtures("here")

@@ -174,7 +174,6 @@ def run_many(
     folder = Path(override_value(named[-1])) if named else Path("runs") / verb / f"{new_stamp()}_multirun"
     check_multirun_folder(folder)
     words = [f"{SWEEP_DIR}{quoted(str(folder.absolute()))}", *(word for word in arguments if word not in named)]
-    before = (folder / MULTIRUN).read_bytes() if (folder / MULTIRUN).is_file() else None
 
     def plan(listed: Sequence[Sequence[str]], subdir: Callable[[int], str]) -> list[Task]:
         paths = [folder.absolute() / subdir(place) for place in range(len(listed))]
@@ -193,14 +192,18 @@ def run_many(
     jobs = Jobs(plan)
     again = f"epuckhebb evolve resume={folder}" if verb == "evolve" else f"the same command with {SWEEP_DIR}{folder}"
     try:
-        with locked(folder), leaving(f"{again} does the rest"):
-            call(command, functools.partial(_job_of_hydra, command, job), [*words, "--multirun"], config_dir, jobs)
+        with locked(folder), leaving(f"{again} does the rest"):  # else the file below may be of a call at work
+            before = (folder / MULTIRUN).read_bytes() if (folder / MULTIRUN).is_file() else None
+            try:
+                call(command, functools.partial(_job_of_hydra, command, job), [*words, "--multirun"], config_dir, jobs)
+            except ConfigError:
+                if before is None:
+                    (folder / MULTIRUN).unlink(missing_ok=True)
+                else:
+                    write_atomic(folder / MULTIRUN, before)
+                raise
     except ConfigError:
-        if before is None:
-            (folder / MULTIRUN).unlink(missing_ok=True)
-            _remove_empty(folder)
-        else:
-            write_atomic(folder / MULTIRUN, before)
+        _remove_empty(folder)
         raise
     return folder, jobs
 
