@@ -274,6 +274,15 @@ def test_a_reward_may_be_a_reading_and_may_teach_the_move_that_brought_it():
     assert len(told.seen[0]) == 3
 
 
+def test_a_noisy_reward_is_refused_where_a_rule_would_hear_the_exact_one():
+    noisy = [{"at": 2, "noisy_readings": {"reward": 0.1}}]
+    made, _ = world(horizon=3, reads_reward=True, changes=noisy)
+    made.check()
+    made, _ = world(horizon=3, reads_reward=True, learns_after_move=True, changes=noisy)
+    with pytest.raises(PartError, match=r"environment\.changes"):
+        made.check()
+
+
 NESTED = Dict(
     {
         "where": Tuple((Box(-2.0, 2.0, (2, 2), np.float64), Discrete(3, start=-1))),

@@ -308,6 +308,9 @@ class World:
             raise
         except ValueError as error:
             raise PartError(f"environment.changes: {error}") from error
+        if self.settings.learns_after_move and self.read.reads_reward and self.inputs - 1 in faults.noise:
+            what = "with environment.learns_after_move=true a rule hears the exact reward"
+            raise PartError(f"environment.changes: noisy_readings of {self.read.names[-1]}: {what}")
 
     def live(
         self,
