@@ -1,7 +1,9 @@
 """Separable CMA-ES: a cloud of genomes that moves and learns how wide it should be along each gene (Ros & Hansen 2008).
 
 The algorithm is `SepCMA` of the library cmaes. It weighs the fitter half by rank, w_i ~ ln(mu + 1) - ln i. Here
-individuals of equal fitness share the mean of their weights, those of the other half included, whose weight is 0.
+individuals of equal fitness share the mean of their weights, those of the other half included, whose weight is 0. Where
+all are equally fit, as before a first success, the mean hardly moves, and the cloud narrows faster than by chance: with
+32 individuals of 234 genes from .48 to .20 in 38 generations, with random fitness to .33.
 
 The library has no weights to set. Its update depends on the samples through two sums alone, of w x and of w (x - m)^2
 for the last mean m, in each gene. So with ties it is given other points, which have with its own weights the sums that
