@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import yaml
 
 from epuckhebb.runtime import did_you_mean
+from epuckhebb.runtime.yaml_file import error_text
 
 _KEY = "full_key:"  # before the key, on a line of its own
 _NOISE = ("object_type=", "reference_type=", "provider=")  # lines that say nothing to a user
@@ -24,7 +25,7 @@ def explain(error: BaseException) -> str:
     lines, keys = dict[str, None](), list[str]()
     for cause in causes:
         if isinstance(cause, yaml.MarkedYAMLError) and cause.problem_mark:
-            return f"{cause.problem_mark.name}{line_of(cause)}"
+            return f"{cause.problem_mark.name}{error_text(cause)}"
         for line in map(str.strip, str(cause).partition("Config search path")[0].splitlines()):
             if line.startswith(_KEY):
                 keys.append(line.removeprefix(_KEY).strip())
@@ -69,10 +70,3 @@ def _number(found: re.Match[str]) -> str:
 def _choice(found: re.Match[str]) -> str:
     known = found[4].split()
     return f"must be one of {', '.join(known)}{did_you_mean(found[3], known)}"
-
-
-def line_of(error: yaml.MarkedYAMLError) -> str:
-    """The line of what is wrong in a YAML file, and what it is."""
-    mark = error.problem_mark or error.context_mark
-    reason = ", ".join(filter(None, (error.context, error.problem)))
-    return f", line {mark.line + 1}: {reason}" if mark else f": {reason}"

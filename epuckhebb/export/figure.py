@@ -43,15 +43,15 @@ def names(path: Path) -> list[str]:
     run = Run(path)
     if multirun_runs(path):
         sweep.summarise_multirun(path)
-    known = [name for name, file in FIGURES.items() if run.has(file)]
-    known = known or sorted(file.stem for file in (path / "figures").glob("*.png")) or list(_of_many(run))
-    if not known:
+    figures = [name for name, file in FIGURES.items() if run.has(file)]
+    figures = figures or sorted(file.stem for file in (path / "figures").glob("*.png")) or list(_draw_many(run))
+    if not figures:
         raise ConfigError(f"{path} has no figures; give a finished run, for example one below runs/evaluate/")
-    return known
+    return figures
 
 
-def _of_many(run: Run) -> dict[str, Figure]:
-    """The figures over the runs of a multirun or a study, by name."""
+def _draw_many(run: Run) -> dict[str, Figure]:
+    """Draw the figures over the runs of a multirun or a study, by name."""
     if multirun_runs(run.path):
         return sweep.figures(run)
     return dict(find_study(run.json("sweep.json")["name"]).stored(run).figures(run)) if run.has("sweep.json") else {}
@@ -64,10 +64,10 @@ def draw(path: Path, name: str, kind: str, width_mm: float | None, output: Path 
     """
     if kind not in KINDS:
         raise ConfigError(f"--format must be one of {', '.join(KINDS)}, got {kind}")
-    run, known = Run(path), names(path)
-    if name not in known:
-        raise ConfigError(f"{path} has the figures {', '.join(known)}; got {name}")
-    drawn = _draw_run(run, name) if name in FIGURES and run.has(FIGURES[name]) else _of_many(run)[name]
+    run, drawable = Run(path), names(path)
+    if name not in drawable:
+        raise ConfigError(f"{path} has the figures {', '.join(drawable)}; got {name}")
+    drawn = _draw_run(run, name) if name in FIGURES and run.has(FIGURES[name]) else _draw_many(run)[name]
     target = output or path / "figures" / f"{name}.{kind}"
     write_atomic(target, image(drawn, kind, width_mm))
     return target

@@ -52,9 +52,9 @@ def webots(what: str, folder: Path) -> tuple[list[Path], str]:
     if genome.wiring != LAYERS:
         raise ConfigError(f"{what} has network.wiring={genome.wiring}; only {LAYERS} can be taken to Webots")
     if genome.robot not in ("", EPUCK.name) or genome.network.inputs != EPUCK.inputs:
-        own = f" with the sensors {genome.sensors}" if genome.sensors else ""
+        sensors = f" with the sensors {genome.sensors}" if genome.sensors else ""
         raise ConfigError(
-            f"{what} is for robot {genome.robot or 'any'}{own}; only {EPUCK.name} as it is can be taken to Webots"
+            f"{what} is for robot {genome.robot or 'any'}{sensors}; only {EPUCK.name} as it is can be taken to Webots"
         )
     if folder.exists() and any(folder.iterdir()):
         raise ConfigError(f"{folder} holds files already; give another folder with --output")
@@ -78,7 +78,7 @@ def webots(what: str, folder: Path) -> tuple[list[Path], str]:
 
 def left_out(world: Scenario) -> list[str]:
     """What differs from the paper's robot and task, and is not in what is written for Webots, as `scenario.KEY`."""
-    defaults = {one.name: one.default if one.default is not MISSING else None for one in fields(world)}
+    defaults = {field.name: field.default if field.default is not MISSING else None for field in fields(world)}
     differs = [name for name, value in defaults.items() if getattr(world, name) not in (value, ())]
     return [f"scenario.{name}" for name in differs if name not in _IN_WORLD | _OF_OURS]
 

@@ -40,27 +40,27 @@ class Player:
             self.traces.append([[0.0] * outputs for _ in range(inputs)])
         self.junction, self.undirected_sum, self.steps = 0.0, 0.0, 0
 
-    def step(self, readings: list[float], place: tuple[float, float] | None) -> tuple[float, float]:
+    def step(self, readings: list[float], position: tuple[float, float] | None) -> tuple[float, float]:
         """One step of 32 ms: act, score, learn. Returns the speeds of the left and the right wheel [rad/s]."""
         activations = [[*readings, 1.0]]
         for rows in self.weights:
-            before = activations[-1]
-            drives = [sum(x * row[j] for x, row in zip(before, rows, strict=True)) for j in range(len(rows[0]))]
+            inputs = activations[-1]
+            drives = [sum(x * row[j] for x, row in zip(inputs, rows, strict=True)) for j in range(len(rows[0]))]
             activations.append([math.tanh(drive) for drive in drives])
         left, right = activations[-1]
-        fitness = self.live_fitness(readings, left, right, place)
+        fitness = self.live_fitness(readings, left, right, position)
         if self.rule is not None:
             self.learn(activations, self.rule["N"] * max(self.rule["floor"], fitness))
         return self.champion["gain_rad_s"] * left, self.champion["gain_rad_s"] * right
 
     def live_fitness(
-        self, readings: list[float], left: float, right: float, place: tuple[float, float] | None
+        self, readings: list[float], left: float, right: float, position: tuple[float, float] | None
     ) -> float:
         """The live fitness F of this step, as the run had it."""
         forward = min(1.0, max(0.0, (left + right) / 1.5))
         spin = max(0.0, 1.0 - abs(right - left) / 2.0)
         nearest = max(readings[self.champion["lights"] :])
-        if self.side and place is not None and self.is_in_arm(*place):
+        if self.side and position is not None and self.is_in_arm(*position):
             self.junction = 1.0
         undirected = (forward + 2.0 * (1.0 - nearest**3) + spin) / 5.0
         behaviour = undirected + self.junction / 5.0
@@ -69,12 +69,12 @@ class Player:
         signal = self.rule["signal"] if self.rule is not None else "behaviour"
         if signal == "final":
             away = math.inf
-            if self.side and place is not None:
-                away = math.dist(place, self.champion["goals"][self.side])
+            if self.side and position is not None:
+                away = math.dist(position, self.champion["goals"][self.side])
             return (behaviour + 1.0 - min(1.0, (1.7 * away) ** 3)) / 2.0
         if signal == "lifetime_mean":
-            before, mean = float(self.rule["history_steps"]), float(self.rule["history_mean"])
-            return (before * mean + self.undirected_sum) / (before + self.steps)
+            earlier_steps, mean = float(self.rule["history_steps"]), float(self.rule["history_mean"])
+            return (earlier_steps * mean + self.undirected_sum) / (earlier_steps + self.steps)
         if signal == "light_code":
             follow = 1.0 - abs(sum(readings[:4]) - sum(readings[4:8])) / 4.0
             return (forward + 2.0 * (1.0 - max(readings[3:11]) ** 3) + spin + follow) / 6.0
@@ -84,17 +84,17 @@ class Player:
         """Whether the robot has turned into the arm of its goal; a bound that is None is infinite."""
         arm = self.champion["arms"][self.side]
         return all(
-            bound is None or (place - bound) * sign > 0
-            for place, name, sign in ((x, "left", 1), (x, "right", -1), (y, "bottom", 1), (y, "top", -1))
+            bound is None or (coordinate - bound) * sign > 0
+            for coordinate, name, sign in ((x, "left", 1), (x, "right", -1), (y, "bottom", 1), (y, "top", -1))
             for bound in [arm[name]]
         )
 
     def learn(self, activations: list[list[float]], rate: float) -> None:
         """The paper's rule; new weights are in force from the next step on."""
         decay, update, w_max = self.rule["trace_decay"], self.rule["trace_update"], self.rule["w_max"]
-        for (before, after), rows, traces in zip(pairwise(activations), self.weights, self.traces, strict=True):
-            for x, row, trace in zip(before, rows, traces, strict=True):
-                for j, y in enumerate(after):
+        for (inputs, outputs), rows, traces in zip(pairwise(activations), self.weights, self.traces, strict=True):
+            for x, row, trace in zip(inputs, rows, traces, strict=True):
+                for j, y in enumerate(outputs):
                     trace[j] = decay * trace[j] + update * x * y
                     row[j] = min(max(row[j] + rate * trace[j], -w_max), w_max)
 
@@ -116,12 +116,12 @@ def main() -> None:
     while robot.step(STEP_MS) != -1:
         readings = [min(1.0, max(0.0, sensor.getValue() / champion["light_full_scale"])) for sensor in lights]
         readings += [min(1.0, max(0.0, sensor.getValue() / champion["distance_full_scale"])) for sensor in distances]
-        place = None
+        position = None
         if gps:
             values = gps.getValues()
             x, y = (sign * values[axis] for axis, sign in champion["gps_axes"])
-            place = (x, y)
-        for motor, speed in zip(motors, player.step(readings, place), strict=True):
+            position = (x, y)
+        for motor, speed in zip(motors, player.step(readings, position), strict=True):
             motor.setVelocity(speed)
 
 

@@ -33,23 +33,23 @@ class LiveFlock:
 
     def run(self, steps: int) -> int:
         """Run so many steps more, up to the last decision before their end; returns how many were run."""
-        before, self._asked, last = self.steps, self._asked + steps, self._run.flock.decisions
+        start, self._asked, last = self.steps, self._asked + steps, self._run.flock.decisions
         self._run.advance(min(self._asked // HOLD, last), self._rows[self._coupling].coupling)
         self.steps, self.is_over = self._run.done * HOLD, self._run.done == last
-        return self.steps - before
+        return self.steps - start
 
     def wish(self, values: Mapping[str, Any]) -> None:
         """Switch the `coupling`, break the robot `broken`, or put a robot somewhere: `put`, its number, x and y [m]."""
         places, coupling = [Pose(*row[:3]) for row in self._run.motion.tolist()], values.get("coupling", self._coupling)
-        robot, *place = values.get("put", [values.get("broken", 0)])
-        if robot not in range(len(places)) or coupling not in self._rows or not all(map(math.isfinite, place)):
+        robot, *position = values.get("put", [values.get("broken", 0)])
+        if robot not in range(len(places)) or coupling not in self._rows or not all(map(math.isfinite, position)):
             raise ValueError(f"there is no such robot, place or coupling among {', '.join(self._rows)}: {values}")
         if "broken" in values and self._run.broken >= 0:
             raise ValueError("a robot is broken already; begin a new flock to break another")
-        if place:
-            if min(math.dist(one[:2], place) for one in places[:robot] + places[robot + 1 :]) < 2 * EPUCK.radius_m:
+        if position:
+            if min(math.dist(pose[:2], position) for pose in places[:robot] + places[robot + 1 :]) < 2 * EPUCK.radius_m:
                 raise ValueError("a robot cannot stand where another is")
-            places[robot] = places[robot]._replace(x=place[0], y=place[1])
+            places[robot] = places[robot]._replace(x=position[0], y=position[1])
             self._run.space.place_robot(*places)
         if "broken" in values:
             self._run.break_robot(robot)

@@ -55,7 +55,7 @@ def _maze_facts(world: LiveWorld) -> dict[str, Any]:
     scenario, network = world.config.world, world.genome.network
     champions = sorted((data_folder("runs/reference") / "champions").glob(f"{scenario.experiment}_seed*.npz"))
     return {
-        **fixed_facts(scenario, network, world.lifetime.gain_rad_s, [one.name for one in world.controllers]),
+        **fixed_facts(scenario, network, world.lifetime.gain_rad_s, [entry.name for entry in world.controllers]),
         "isLive": True,
         "sides": [world.side],
         "most": world.lifetime.steps,

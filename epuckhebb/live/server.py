@@ -113,12 +113,12 @@ class Play:
 
     def _step(self, steps: int) -> bool:
         """Run steps, and count a new version if pages must be told more than samples; returns whether any was run."""
-        before = self.world.shown
+        shown = self.world.shown
         try:
             done = self.world.run(steps)
         except Exception as error:  # a robot is lost, or its rule cannot be run; pages go on, and may begin anew
             self.trouble, done = str(error) or type(error).__name__, 1
-        self.version += self.world.shown is not before or self.world.is_over or bool(self.trouble)
+        self.version += self.world.shown is not shown or self.world.is_over or bool(self.trouble)
         return done > 0
 
     def do(self, wish: dict[str, Any]) -> dict[str, Any]:
@@ -160,11 +160,11 @@ class Play:
 
     def _begin_anew(self, words: list[str], side: str, changes: Sequence[dict[str, Any]]) -> None:
         """Begin a new life, which pages start; what it needs is compiled aside, while the old one goes on."""
-        known = {*self.words, *self.world.words}
+        allowed = {*self.words, *self.world.words}
         for word in words:
-            if word not in known and not _LINKED.fullmatch(word):
+            if word not in allowed and not _LINKED.fullmatch(word):
                 raise ValueError(f"{word} is not for a page to set; type it after `epuckhebb play`")
-        self._set(prepares=" ".join(word for word in words if word not in known) or "a new life")
+        self._set(prepares=" ".join(word for word in words if word not in allowed) or "a new life")
         try:
             world = self._new(words, side, changes)
             self._set(world=world, is_playing=False, trouble="", life=self.life + 1, prepares="")

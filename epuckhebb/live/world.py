@@ -56,16 +56,16 @@ class LiveWorld:
         self.controllers = [GA_ALONE, *config.controllers]
         compile_kernels(self.controllers, genome.network, config.world)
         self.lifetime = replace(config.lifetime, record_every=1)
-        wanted = [(number, self.side, 0) for number in range(len(self.controllers))]
+        lifetimes = [(number, self.side, 0) for number in range(len(self.controllers))]
         nominal, plan, network = prepared.world.nominal(genome, 1), genome.plan, genome.network
         individuals = make_individuals(
-            genome.genes, self.controllers, wanted, nominal, plan, network, config.seed, genome.signs
+            genome.genes, self.controllers, lifetimes, nominal, plan, network, config.seed, genome.signs
         )
         kept = int(has_control(self.controllers))
         simulators = [Simulator(config.world, self.lifetime, kept=kept) for _ in individuals]
         self.robots = [
-            Session(one, config.world, self.lifetime, simulator=own)
-            for one, own in zip(individuals, simulators, strict=True)
+            Session(individual, config.world, self.lifetime, simulator=simulator)
+            for individual, simulator in zip(individuals, simulators, strict=True)
         ]
         self.changes: list[dict[str, Any]] = []
         self.wishes: dict[str, Any] = {}
@@ -112,27 +112,27 @@ class LiveWorld:
 
     def run(self, steps: int) -> int:
         """Run so many steps of all robots, what was wished or planned for first; returns how many were run."""
-        before = self.steps
-        while self._planned and (due := first_step(self._planned[0])) < before + steps:
+        start = self.steps
+        while self._planned and (due := first_step(self._planned[0])) < start + steps:
             if due > self.steps:
                 self._run(due - self.steps)
             self.wish({key: value for key, value in self._planned.pop(0).items() if key != "at_s"})
-        self._run(before + steps - self.steps)
-        return self.steps - before
+        self._run(start + steps - self.steps)
+        return self.steps - start
 
     def _run(self, steps: int) -> None:
         """Make the change that was wished for, then run so many steps of all robots."""
-        before = self.steps
+        start = self.steps
         if self.wishes and not self.is_over:
-            planned = [one for one in self.config.world.changes if first_step(one) >= before]
+            planned = [change for change in self.config.world.changes if first_step(change) >= start]
             world = replace(self.scenario, changes=planned)
             for robot in self.robots:
                 if not robot.is_over:
                     robot.change(world)
-            self.changes.append({"at_s": before * STEP_S, **self.wishes})
+            self.changes.append({"at_s": start * STEP_S, **self.wishes})
             self.wishes = {}
         for robot in self.robots:
-            robot.step(before + steps - robot.steps)
+            robot.step(start + steps - robot.steps)
 
     def save(self, folder: Path = Path("runs")) -> dict[str, Any]:
         """Run the lifetime again as `evaluate` does, into a run folder.
@@ -157,6 +157,7 @@ class LiveWorld:
         facts = {"command_line": ["epuckhebb", "play", *self.words, *more]}
         evaluate_into(run, config, words, facts, threads=1)
         metrics = Run(run).table("metrics.csv").query("side == @self.side").set_index("controller")
-        seen = {one.name: robot.outcome().fitness for one, robot in zip(self.controllers, self.robots, strict=True)}
+        names = [controller.name for controller in self.controllers]
+        seen = {name: robot.outcome().fitness for name, robot in zip(names, self.robots, strict=True)}
         same = seen == metrics.fitness.to_dict()  # the mean over all steps, of all that robots sense and do
         return {"run": str(run), "same": same, "command": shlex.join(["epuckhebb", "evaluate", *words, *more])}

@@ -60,8 +60,8 @@ def table(group: str, folder: Path | None = None) -> dict[str, Any]:
 @functools.cache
 def rows(group: str) -> dict[str, str]:
     """The choices of a group of `TABLES`, and what the comment above each says."""
-    found = _ROW.findall(files(group)[0].read_text(encoding="utf-8"))
-    return {name: _comment(comment.splitlines()) for comment, name in found}
+    pairs = _ROW.findall(files(group)[0].read_text(encoding="utf-8"))
+    return {name: _comment(comment.splitlines()) for comment, name in pairs}
 
 
 def first_comment(file: Path) -> str:

@@ -41,10 +41,10 @@ def refusing(
         raise ConfigError(message(error)) from error
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str:
+def did_you_mean(name: str, choices: Iterable[str]) -> str:
     """A question to put behind a message about an unknown name; nothing if no known name is like it."""
-    as_written = {one.lower(): one for one in known}
-    begun = [one for one in as_written if one.startswith(name.lower())]
+    as_written = {choice.lower(): choice for choice in choices}
+    begun = [choice for choice in as_written if choice.startswith(name.lower())]
     near = begun or difflib.get_close_matches(name.lower(), as_written, n=1)
     return f". Did you mean {as_written[near[0]]}?" if near else ""
 
@@ -71,7 +71,7 @@ def interruptible() -> Iterator[None]:
             timer.start()
             signal.default_int_handler(number, frame)
 
-    before = {number: signal.signal(number, stop) for number in _asking()}
+    handlers = {number: signal.signal(number, stop) for number in _asking()}
     try:
         yield
     except Exception as error:
@@ -80,7 +80,7 @@ def interruptible() -> Iterator[None]:
         raise KeyboardInterrupt from error
     finally:
         timer.cancel()
-        for number, handler in before.items():
+        for number, handler in handlers.items():
             signal.signal(number, handler)
         _asked.clear()  # only now: a signal on the way out must not start the timer again
 
@@ -130,8 +130,8 @@ def _leave(*_: object) -> None:
 
 def _asking() -> list[int]:
     """The signals that ask this program to end: not those that it ignores, as under `nohup`."""
-    known = (getattr(signal, name, None) for name in ("SIGINT", "SIGTERM", "SIGHUP"))  # Windows has no SIGHUP
-    return [number for number in known if number is not None and signal.getsignal(number) is not signal.SIG_IGN]
+    numbers = (getattr(signal, name, None) for name in ("SIGINT", "SIGTERM", "SIGHUP"))  # Windows has no SIGHUP
+    return [number for number in numbers if number is not None and signal.getsignal(number) is not signal.SIG_IGN]
 
 
 def exit_with_parent(parent: int) -> None:

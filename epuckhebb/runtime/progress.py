@@ -70,36 +70,35 @@ def counting(total: int, ends: Callable[[], Iterator[tuple[str, str]]]) -> Itera
     Where a bar cannot move, each job that ends has a line. ends: gives the names and states of those that have ended
     since it was called last.
     """
-    ended, began, is_terminal = threading.Event(), time.monotonic(), sys.stderr.isatty()
-    count, others = 0, dict[str, int]()
-
-    def watch() -> None:
-        while not ended.wait(_EVERY_S):
-            look()
+    end, began, is_terminal = threading.Event(), time.monotonic(), sys.stderr.isatty()
+    count, states = 0, dict[str, int]()  # all that have ended; how many of them ended in each state but `done`
 
     with bar("job", total, quiet=not is_terminal) as shown:
 
-        def look() -> None:
+        def report() -> None:
+            """Show the jobs that have ended since the last report."""
             nonlocal count
             for name, state in ends():
                 count += 1
                 if state != "done":
-                    others[state] = others.get(state, 0) + 1
+                    states[state] = states.get(state, 0) + 1
                 seconds = (time.monotonic() - began) / count * (total - count)
                 if is_terminal:
-                    shown.set_postfix_str(
-                        ", ".join(f"{number} {word}" for word, number in others.items()), refresh=False
-                    )
+                    shown.set_postfix_str(", ".join(f"{n} {word}" for word, n in states.items()), refresh=False)
                     shown.update()
                 else:
                     left = f"; {timedelta(seconds=round(seconds))} left" if count < total else ""
                     say(f"job {count} of {total} {state}: {name}{left}")
+
+        def watch() -> None:
+            while not end.wait(_EVERY_S):
+                report()
 
         watcher = threading.Thread(target=watch, daemon=True)
         watcher.start()
         try:
             yield
         finally:
-            ended.set()
+            end.set()
             watcher.join()
-            look()
+            report()

@@ -32,20 +32,20 @@ class _Loader(_LOADER):  # type: ignore[misc]
 
     def construct_mapping(self, node: Any, deep: bool = False) -> Any:
         """The settings of a node."""
-        known = set[str]()
+        keys = set[str]()
         for key, _ in node.value:
             if isinstance(key, yaml.ScalarNode) and key.tag != _MERGE:
-                if key.value in known:
+                if key.value in keys:
                     problem = f"found duplicate key {key.value}"
-                    place = "while constructing a mapping", node.start_mark, problem, key.start_mark
-                    raise yaml.constructor.ConstructorError(*place)
-                known.add(key.value)
+                    details = "while constructing a mapping", node.start_mark, problem, key.start_mark
+                    raise yaml.constructor.ConstructorError(*details)
+                keys.add(key.value)
         return super().construct_mapping(node, deep)
 
 
 _Loader.yaml_implicit_resolvers = {
-    first: [(tag, pattern) for tag, pattern in known if tag != _TIME]
-    for first, known in _LOADER.yaml_implicit_resolvers.items()
+    first: [(tag, pattern) for tag, pattern in resolvers if tag != _TIME]
+    for first, resolvers in _LOADER.yaml_implicit_resolvers.items()
 }
 _Loader.add_implicit_resolver("tag:yaml.org,2002:float", _FLOAT, list("-+.0123456789"))
 
@@ -108,14 +108,14 @@ def _read(path: Path, is_table: bool) -> File:
         loader = _Loader(text)
         try:
             node = loader.get_single_node()
-            _as_names(node, is_table=is_table)
+            _quote_names(node, is_table=is_table)
             if _count(node, path, {}) > MOST_VALUES:
                 raise ConfigError(f"{path}: it stands for more than {MOST_VALUES} values, with its aliases")
             values = {} if node is None else loader.construct_document(node)
         finally:
             loader.dispose()
     except yaml.MarkedYAMLError as error:
-        raise ConfigError(f"{path}{line_of(error)}") from error
+        raise ConfigError(f"{path}{error_text(error)}") from error
     except (yaml.YAMLError, RecursionError) as error:
         raise ConfigError(f"{path}: {error}") from error
     if not isinstance(values, dict):
@@ -129,7 +129,7 @@ def _read(path: Path, is_table: bool) -> File:
 _read_once = functools.cache(_read)
 
 
-def line_of(error: yaml.MarkedYAMLError) -> str:
+def error_text(error: yaml.MarkedYAMLError) -> str:
     """The line of what is wrong in a YAML file, and what it is."""
     mark = error.problem_mark or error.context_mark
     reason = ", ".join(filter(None, (error.context, error.problem)))
@@ -146,19 +146,19 @@ def _count(node: Any, path: Path, counted: dict[int, float]) -> float:
             check_number(node.value, f"{path}, line {node.start_mark.line + 1}")
         counted[id(node)] = 1
     else:
-        pairs = node.value if isinstance(node, yaml.MappingNode) else [(one,) for one in node.value]
-        counted[id(node)] = sum(_count(one, path, counted) for pair in pairs for one in pair[-1:])
+        pairs = node.value if isinstance(node, yaml.MappingNode) else [(child,) for child in node.value]
+        counted[id(node)] = sum(_count(child, path, counted) for pair in pairs for child in pair[-1:])
         for key, *_ in pairs if isinstance(node, yaml.MappingNode) else ():
             _count(key, path, counted)
     return counted[id(node)]
 
 
-def _as_names(node: Any, *, is_table: bool) -> None:
+def _quote_names(node: Any, *, is_table: bool) -> None:
     """Let the names of rows, and of choices in lists of defaults, be texts, whatever they look like; null is none."""
     for key, value in node.value if isinstance(node, yaml.MappingNode) else ():
         if is_table:
             key.tag, key.style = _TEXT, "'"
-            _as_names(value, is_table=False)
+            _quote_names(value, is_table=False)
         elif key.value == DEFAULTS and isinstance(value, yaml.SequenceNode):
             for entry in value.value:
                 pairs = entry.value if isinstance(entry, yaml.MappingNode) else [(None, entry)]

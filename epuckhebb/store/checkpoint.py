@@ -30,9 +30,9 @@ class Checkpoint:
     history: str
 
     @classmethod
-    def following(cls, before: "Checkpoint | None", generation: Generation) -> "Checkpoint":
+    def following(cls, previous: "Checkpoint | None", generation: Generation) -> "Checkpoint":
         """The checkpoint after one more generation."""
-        written = before.history if before else ""
+        written = previous.history if previous else ""
         return cls(generation, written + as_csv([history_row(generation)], header=not written))
 
     def as_bytes(self, settings: str) -> bytes:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from epuckhebb.config import OwnFile
 
-Own = Mapping[Path, "OwnFile"] | None  # the user's own Python, by path
+Code = Mapping[Path, "OwnFile"] | None  # the user's own Python, by path
 Content = Union[bytes, str, Rows, "pd.DataFrame"]  # of a file; rows and tables become CSV
 UNFINISHED = "unfinished"  # folder of a study, with a folder for each attempt at a run
 SET_ASIDE = "set_aside"  # folder of a study for what was in the way, or holds a user's files
@@ -54,15 +54,15 @@ class RunFolder:
 
     @classmethod
     def new(
-        cls, path: Path, command: str, config: str, arguments: list[str], facts: dict[str, Any], own: Own = None
+        cls, path: Path, command: str, config: str, arguments: list[str], facts: dict[str, Any], code: Code = None
     ) -> "RunFolder":
         """Claim a folder that holds no run yet, and write down what is about to run.
 
         path: the folder, which is made. command, arguments: of the command line. config: the configuration as YAML.
-        facts: what else belongs into `provenance.json`, for example the genome's SHA-256. own: the user's files, which
-        the folder keeps as copies.
+        facts: what else belongs into `provenance.json`, for example the SHA-256 of the genome. code: the user's files,
+        which the folder keeps as copies.
         """
-        content = provenance(command, arguments) | _user_code(own) | facts
+        content = provenance(command, arguments) | _user_code(code) | facts
         run = cls(path, None, content)
         with _convert_folder_errors(path):
             path.mkdir(parents=True, exist_ok=True)
@@ -72,7 +72,7 @@ class RunFolder:
             try:
                 with suppress(BlockingIOError):  # the claim is what counts
                     run._lock = lock(path, PATIENCE_S)
-                run._begin(content, config, arguments, own)
+                run._begin(content, config, arguments, code)
             except OSError:
                 for name in (STATUS, *run._written):
                     (path / name).unlink(missing_ok=True)
@@ -88,7 +88,7 @@ class RunFolder:
         config: str | None,
         arguments: list[str],
         facts: dict[str, Any],
-        own: Own = None,
+        code: Code = None,
         *,
         overrides: list[str] | None = None,
     ) -> "RunFolder":
@@ -98,28 +98,28 @@ class RunFolder:
         content and gets an entry with those of the facts that are others now. The arguments are those of `new`, with
         `config` None where each job has its own. overrides: to be kept in a file, if any.
         """
-        content, before = provenance(command, arguments) | _user_code(own) | facts, Run(path)
+        content, previous = provenance(command, arguments) | _user_code(code) | facts, Run(path)
         run = cls(path, None, content)
         with _convert_folder_errors(path):
             path.mkdir(parents=True, exist_ok=True)
             _refuse_foreign(path, command)
             run._lock = lock(path, PATIENCE_S)
             with suppress(ConfigError):  # nothing can be read where nothing has begun
-                earlier, status = before.provenance, before.status
+                earlier, status = previous.provenance, previous.status
                 compare_machines(path, earlier)
                 run._started = status.get("started", run._started)
                 run._earlier = dict(status.get("sha256", {}))
-                others = {key: fact for key, fact in facts.items() if earlier.get(key) != fact}
+                changed = {key: fact for key, fact in facts.items() if earlier.get(key) != fact}
                 again = {
                     "started": _timestamp(),
                     "command_line": content["command_line"],
-                    **others,
+                    **changed,
                     "code": content["code"],
                 }
                 content = {**earlier, "resumed": [*earlier.get("resumed", []), again]}
             try:
                 _remove_half_done(path)
-                run._begin(content, config, overrides, own)
+                run._begin(content, config, overrides, code)
             except OSError:
                 release(run._lock)
                 raise
@@ -130,7 +130,7 @@ class RunFolder:
         content = as_bytes(content)
         self._written.pop(name, None)  # nothing is known of a file while it is replaced
         if self._earlier.pop(name, None) is not None:
-            self._write_status("running")
+            self._write_status("running")  # first without the checksum, as a process may be killed in between
         disk.write_atomic(self.path / name, content)
         if name != STATUS:
             self._written[name] = disk.hash_bytes(content)
@@ -163,7 +163,7 @@ class RunFolder:
                     raise JobFailedError(f"{self.path / STATUS} cannot be written: {full.strerror}") from full
             elif is_interruption(error):
                 raise KeyboardInterrupt(self._interrupted()) from None
-            elif error is not None and is_of_handler(error):
+            elif is_of_handler(error):
                 self._interrupted()  # the launcher has asked for it, and must hear of it
             elif isinstance(error, Exception | SystemExit):  # a user's own part may even leave Python
                 with suppress(OSError):  # on a full disk the error itself matters
@@ -174,7 +174,7 @@ class RunFolder:
         finally:
             release(self._lock)
 
-    def _begin(self, facts: dict[str, Any], config: str | None, overrides: list[str] | None, own: Own) -> None:
+    def _begin(self, facts: dict[str, Any], config: str | None, overrides: list[str] | None, code: Code) -> None:
         """Write down what runs here: its state first, and `provenance.json`, by which a run is known, after that."""
         self._write_status("running")
         if overrides is not None:
@@ -182,9 +182,9 @@ class RunFolder:
         if config is not None:
             self.write(CONFIG, config)
         self.write(PROVENANCE, as_json(facts))
-        for one in (own or {}).values():
-            for place, content in one.copies.items():
-                self.write(place, content)
+        for file in (code or {}).values():
+            for name, content in file.copies.items():
+                self.write(name, content)
 
     def _interrupted(self) -> str:
         """Close the folder as interrupted, if that can be written; returns what is left behind."""
@@ -211,9 +211,9 @@ def as_bytes(content: Content) -> bytes:
     return content.encode() if isinstance(content, str) else content
 
 
-def _user_code(own: Own) -> dict[str, Any]:
+def _user_code(code: Code) -> dict[str, Any]:
     """What `provenance.json` says of the user's files; nothing if there are none."""
-    copies = {str(file): {"copy": one.copy, "sha256": one.sha256} for file, one in (own or {}).items()}
+    copies = {str(path): {"copy": file.copy, "sha256": file.sha256} for path, file in (code or {}).items()}
     return {"own_code": copies} if copies else {}
 
 
@@ -225,7 +225,7 @@ def _convert_folder_errors(path: Path) -> Iterator[None]:
     except BlockingIOError:
         raise ConfigError(f"another process is working on {path}; wait for it or stop it") from None
     except OSError as error:
-        link = next((one for one in (path, *path.parents) if one.is_symlink() and not one.exists()), None)
+        link = next((folder for folder in (path, *path.parents) if folder.is_symlink() and not folder.exists()), None)
         why = f"{link} is a link to {link.readlink()}, which is missing" if link else error.strerror
         raise ConfigError(f"cannot write to {path}: {why}") from error
 
@@ -256,10 +256,10 @@ def _remove_half_done(path: Path) -> None:
 
 def set_aside(entry: Path, study: Path, why: str) -> None:
     """Move a file or folder out of the way of a study, whole, and report where it is now."""
-    place = study / SET_ASIDE / f"{entry.name}_{datetime.now():%Y%m%d-%H%M%S}-{token_hex(4)}"
-    place.parent.mkdir(exist_ok=True)
-    entry.rename(place)
-    say(f"{entry} {why}; nothing in it was deleted, it is now {place}")
+    target = study / SET_ASIDE / f"{entry.name}_{datetime.now():%Y%m%d-%H%M%S}-{token_hex(4)}"
+    target.parent.mkdir(exist_ok=True)
+    entry.rename(target)
+    say(f"{entry} {why}; nothing in it was deleted, it is now {target}")
 
 
 def check_multirun_folder(path: Path) -> None:

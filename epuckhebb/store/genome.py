@@ -128,10 +128,10 @@ def load_genome(where: str, experiment: str, shape: tuple[int, ...] | Wiring | N
         path = user_path(where, "genome")
         name, path = (path.resolve().name, path / CHAMPION) if path.is_dir() else (path.stem, path)
     if not path.is_file():
-        known = (
+        allowed = (
             f"`{LATEST}`, a run of evolve, a .npz or .npy file, `{REFERENCE}`, or one as `{REFERENCE}_7` or `random_7`"
         )
-        raise ConfigError(f"genome={where} does not exist: there is no file {path}; give {known}")
+        raise ConfigError(f"genome={where} does not exist: there is no file {path}; give {allowed}")
     return _read_genome(path, name, shape)
 
 
@@ -202,10 +202,10 @@ def shaped(network: Network, where: str, shape: tuple[int, ...] | Wiring | None)
     A wiring must join the same neurons.
     """
     if isinstance(shape, Wiring):
-        wired, own = Network((network.inputs, *shape.sizes), network.rewarded, shape), network.wiring
-        is_like = own is not None and own.name == shape.name and wired.layers == network.layers
+        wired, wiring = Network((network.inputs, *shape.sizes), network.rewarded, shape), network.wiring
+        is_like = wiring is not None and wiring.name == shape.name and wired.layers == network.layers
         if not (is_like and np.array_equal(wired.joined, network.joined)):
-            its = f"{network} with network.wiring={own.name if own else LAYERS}"
+            its = f"{network} with network.wiring={wiring.name if wiring else LAYERS}"
             raise ConfigError(
                 f"genome={where} is for {its}, the settings make {wired} with network.wiring={shape.name}"
             )
@@ -227,7 +227,9 @@ def _read_genome(path: Path, name: str, shape: tuple[int, ...] | Wiring | None) 
         if "parts" in arrays:
             plan = GenomePlan(tuple(map(Part, arrays["parts"].tolist(), arrays["part_sizes"].tolist())))
         statistics: dict[str, Any] = {field.name: arrays.get(_NOMINAL + field.name) for field in fields(Nominal)}
-        known = {name: value if value.ndim else value.item() for name, value in statistics.items() if value is not None}
+        recorded = {
+            key: value if value.ndim else value.item() for key, value in statistics.items() if value is not None
+        }
         genes = checked_genes(arrays.get("genome", next(iter(arrays.values()))), str(path), plan)
         largest = np.abs(plan.split(genes)[WEIGHTS]).max()
         if "optimizer" not in arrays and largest > WEIGHT_LIMIT:  # those that evolved here were clipped meanwhile, too
@@ -239,6 +241,6 @@ def _read_genome(path: Path, name: str, shape: tuple[int, ...] | Wiring | None) 
             lights=int(arrays.get("lights", EPUCK.light.count)),
             plan=plan,
             signs=arrays.get("signs"),
-            nominal=Nominal(**known) if known else None,
+            nominal=Nominal(**recorded) if recorded else None,
             **{fact: str(arrays[fact]) for fact in _TEXTS if fact in arrays},
         )

@@ -36,13 +36,13 @@ def digest(content: object) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()[:12]
 
 
-def fingerprint(values: object, genome: Genome | None = None, own: object = ()) -> str:
+def fingerprint(values: object, genome: Genome | None = None, user_code: object = ()) -> str:
     """Twelve hexadecimal digits for a result, from all that it depends on.
 
-    values: the settings, as JSON values. genome: of its lifetimes. own: digests of the user's own files.
+    values: the settings, as JSON values. genome: of its lifetimes. user_code: digests of the user's own files.
     """
     champion = [genome.sha256, genome.nominal_sha256] if genome else []
-    return digest([SCIENCE, versions(), values, champion, own])
+    return digest([SCIENCE, versions(), values, champion, user_code])
 
 
 def provenance(command: str, arguments: list[str]) -> dict[str, Any]:
@@ -83,17 +83,17 @@ def compare_machines(path: Path, facts: Mapping[str, Any]) -> None:
 @cache
 def _code_version() -> dict[str, Any]:
     """The version of this program and of its science, and its git commit where it runs from a checkout."""
-    known: dict[str, Any] = {"version": __version__, "science": SCIENCE, "commit": None, "dirty": None}
+    facts: dict[str, Any] = {"version": __version__, "science": SCIENCE, "commit": None, "dirty": None}
     if not (_PACKAGE.parent / ".git").exists():  # it is installed, perhaps below a user's project
-        return known
+        return facts
     command = ["git", "-C", str(_PACKAGE), "status", "--porcelain=v2", "--branch", "--", str(_PACKAGE)]
     environment = {name: value for name, value in os.environ.items() if name not in _PLACES}
     with suppress(OSError, subprocess.SubprocessError):
         state = subprocess.run(command, capture_output=True, timeout=5, check=True, text=True, env=environment).stdout
-        commit, *others = state.splitlines()
-        known["commit"] = commit.removeprefix("# branch.oid ")
-        known["dirty"] = any(not line.startswith("# ") for line in others)
-    return known
+        commit, *lines = state.splitlines()
+        facts["commit"] = commit.removeprefix("# branch.oid ")
+        facts["dirty"] = any(not line.startswith("# ") for line in lines)
+    return facts
 
 
 @cache

@@ -35,9 +35,9 @@ def as_csv(rows: Rows, *, header: bool = True) -> str:
 def _cells(values: Sequence[Any]) -> list[Any]:
     """A column as cells of CSV: empty without a value; all with a fraction if one has it, or one is empty."""
     cells = ["" if value is None or (isinstance(value, float) and math.isnan(value)) else value for value in values]
-    known = [value for value in cells if not isinstance(value, str)]
-    is_whole = all(isinstance(value, Integral) and not isinstance(value, bool) for value in known)
-    has_fraction = any(isinstance(value, float) for value in known) or (is_whole and "" in cells)
+    filled = [value for value in cells if not isinstance(value, str)]
+    is_whole = all(isinstance(value, Integral) and not isinstance(value, bool) for value in filled)
+    has_fraction = any(isinstance(value, float) for value in filled) or (is_whole and "" in cells)
     return [float(value) if has_fraction and not isinstance(value, str) else value for value in cells]
 
 
@@ -50,12 +50,12 @@ def parse_csv(text: str) -> Rows:
 
 def _values(name: str, cells: Sequence[str]) -> list[Any]:
     """The values of a column of CSV: texts, whole numbers, other numbers, or truth values; None in empty cells."""
-    known = [cell for cell in cells if cell]
+    filled = [cell for cell in cells if cell]
     kind: Callable[[str], Any] = str
-    if name not in TEXTS and known:
-        if all(_NUMBER.fullmatch(cell) for cell in known):
-            is_whole = len(known) == len(cells) and all(cell.lstrip("+-").isdigit() for cell in known)
+    if name not in TEXTS and filled:
+        if all(_NUMBER.fullmatch(cell) for cell in filled):
+            is_whole = len(filled) == len(cells) and all(cell.lstrip("+-").isdigit() for cell in filled)
             kind = int if is_whole else float
-        elif {*known} <= {"True", "False"}:
+        elif {*filled} <= {"True", "False"}:
             kind = "True".__eq__
     return [kind(cell) if cell else None for cell in cells]

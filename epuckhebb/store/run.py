@@ -135,9 +135,9 @@ def list_runs() -> list[Path]:
 
     Runs of a multirun come one by one, the jobs of a sweep or a reproduction only as a whole.
     """
-    found = [status for pattern in ("*/*", "*/*_multirun/*") for status in Path("runs").glob(f"{pattern}/{STATUS}")]
-    known = {status.parent: _json(status) for status in found}  # the times of files change when they are copied
-    return sorted(known, key=lambda run: (_last_time(known[run]), run))
+    files = [file for pattern in ("*/*", "*/*_multirun/*") for file in Path("runs").glob(f"{pattern}/{STATUS}")]
+    statuses = {file.parent: _json(file) for file in files}  # the times of files change when they are copied
+    return sorted(statuses, key=lambda run: (_last_time(statuses[run]), run))
 
 
 def multirun_runs(path: Path) -> list[Path]:

@@ -284,7 +284,7 @@ def job_name(kind: str, depends: Plain) -> str:
         depends["config"] = conf.without(depends["config"], conf.NO_EFFECT)
     for part, key, _, name in list(user_references(depends)):
         part[key] = name
-    return f"{kind}_{fingerprint(depends, own=[file.digest for file in own.values()])}"
+    return f"{kind}_{fingerprint(depends, user_code=[file.digest for file in own.values()])}"
 
 
 def _user_study(reference: str) -> type[Study]:
