@@ -53,10 +53,10 @@ def group_experiments(table: "pd.DataFrame") -> "list[tuple[str, pd.DataFrame]]"
     return sorted(table.groupby("experiment"), reverse=True)
 
 
-def annotate_row(axes: Axes, text: str, place: float, points: float = 4, **look: Any) -> None:
-    """Write a number of a row at the right margin of its panel. place: of the row. points: from the edge."""
+def annotate_row(axes: Axes, text: str, y: float, points: float = 4, **look: Any) -> None:
+    """Write a number of a row at the right margin of its panel. y: of the row. points: from the edge."""
     where: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points", "va": "center"}
-    axes.annotate(text, (1, place), (points, 0), fontsize=8, **where, **look)
+    axes.annotate(text, (1, y), (points, 0), fontsize=8, **where, **look)
 
 
 def empty_figure() -> Figure:
@@ -89,9 +89,9 @@ def dose_response(doses: "pd.DataFrame") -> Figure:
     rates = np.sort(doses.N[doses.N > 0].unique())
     figure = Figure(figsize=(8.0, 2.1 * len(conditions) + 1.0))
     rows = figure.subplots(len(conditions), 3, squeeze=False, sharex=True, sharey="col")
-    for (condition, own), panels in zip(conditions, rows, strict=True):
+    for (condition, group), panels in zip(conditions, rows, strict=True):
         for axes, column in zip(panels, _DOSES, strict=True):
-            for (side, of_side), shift in zip(own.groupby("side"), (1 / 1.04, 1.04), strict=True):
+            for (side, of_side), shift in zip(group.groupby("side"), (1 / 1.04, 1.04), strict=True):
                 plastic, alone = (of_side[(of_side.controller == GA) == is_ga] for is_ga in (False, True))
                 look = {"color": SIDE[side], "marker": MARKER[side], "label": side}
                 draw_interval(axes, plastic.sort_values("N").N * shift, plastic.sort_values("N"), column, **look)
@@ -104,9 +104,9 @@ def dose_response(doses: "pd.DataFrame") -> Figure:
             axes.set_xticks([], minor=True)
         panels[0].set_title(plain(condition), loc="left", fontweight="bold")
         panels[0].set_ylim(-0.04, 1.04)
-        if (own.weight_change_mean > 0).any():  # an adaptation may never act
+        if (group.weight_change_mean > 0).any():  # an adaptation may never act
             panels[1].set_yscale("log")
-        n = sample_size(own).replace(" ", "\n")
+        n = sample_size(group).replace(" ", "\n")
         panels[2].annotate(
             f"n = {n}", (1, 0.5), (7, 0), xycoords="axes fraction", textcoords="offset points", va="center"
         )
@@ -130,17 +130,18 @@ def rescue_and_harm(over_all: "pd.DataFrame", by_world: "pd.DataFrame") -> Figur
     over_all, by_world: the tables `rescue_over_all.csv` and `rescue_and_harm.csv`. What fewer than six champions can
     show has no interval, and is left out.
     """
-    rows = {one: panels for one, own in group_experiments(over_all) if (panels := _panels(str(one), own, by_world))}
+    rows = {name: panels for name, group in group_experiments(over_all) if (panels := _panels(name, group, by_world))}
     if not rows:
         return empty_figure()
-    columns, methods = max(map(len, rows.values())), [max(len(own) for _, own in panels) for panels in rows.values()]
+    columns = max(map(len, rows.values()))
+    methods = [max(len(group) for _, group in panels) for panels in rows.values()]
     figure = Figure(figsize=(2.4 + 3.0 * columns, 0.6 + sum(0.9 + 0.27 * count for count in methods)))
     grid = figure.subplots(len(rows), columns, squeeze=False, height_ratios=[2 + count for count in methods])
     for all_axes, panels in zip(grid, rows.values(), strict=True):
         for axes in all_axes[len(panels) :]:
             axes.remove()
-        for axes, (title, own) in zip(all_axes, panels, strict=False):
-            _rescue_panel(axes, own)
+        for axes, (title, group) in zip(all_axes, panels, strict=False):
+            _rescue_panel(axes, group)
             axes.set_title(plain(title), loc="left")
     figure.supxlabel("share of trials, 95 % interval over champions; beside it, how many of how many", fontsize=9)
     figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=min(columns, 2))
@@ -153,21 +154,21 @@ def _panels(experiment: str, over_all: "pd.DataFrame", by_world: "pd.DataFrame")
     worlds = list(changed.groupby("scenario", sort=False))
     panels = [(f"{experiment}, {len(worlds)} changed worlds", over_all)]
     if len(worlds) <= _OWN_PANELS:
-        panels = [(f"{experiment}: {world}", own) for world, own in worlds]
-    known = [(title, own.dropna(subset=["rescued_low", "harmed_low"])) for title, own in panels]
-    return [(title, own) for title, own in known if len(own)]
+        panels = [(f"{experiment}: {world}", group) for world, group in worlds]
+    complete = [(title, group.dropna(subset=["rescued_low", "harmed_low"])) for title, group in panels]
+    return [(title, group) for title, group in complete if len(group)]
 
 
-def _rescue_panel(axes: Axes, own: "pd.DataFrame") -> None:
+def _rescue_panel(axes: Axes, table: "pd.DataFrame") -> None:
     """Draw the shares of trials rescued and harmed, a row for each plasticity, with counts at the right."""
-    one_rate = own.controller.map(own.controller.value_counts() == 1)
-    names = own.controller.where(one_rate, [rescue.label(row.controller, row.N) for row in own.itertuples()])
-    places = np.arange(len(own))
+    one_rate = table.controller.map(table.controller.value_counts() == 1)
+    names = table.controller.where(one_rate, [rescue.label(row.controller, row.N) for row in table.itertuples()])
+    places = np.arange(len(table))
     for what, whole, text, marker, shift, column in (
         ("rescued", "broken", f"{rescue.RESCUED} (aim: 1)", "o", -0.15, 8),
         ("harmed", "intact", f"{rescue.HARMED} (aim: 0)", "s", 0.15, 58),
     ):
-        share, low, high = (own[f"{what}_{end}"].to_numpy(float) for end in ("share", "low", "high"))
+        share, low, high = (table[f"{what}_{end}"].to_numpy(float) for end in ("share", "low", "high"))
         look: dict[str, Any] = {
             "color": EFFECT[what],
             "marker": marker,
@@ -176,10 +177,10 @@ def _rescue_panel(axes: Axes, own: "pd.DataFrame") -> None:
             "clip_on": False,
         }
         axes.errorbar(share, places + shift, xerr=[share - low, high - share], label=text, **look)
-        for place, part, of in zip(places, own[what], own[whole], strict=True):
-            annotate_row(axes, f"{part}/{of}", float(place), column, color=EFFECT[what])
+        for y, part, of in zip(places, table[what], table[whole], strict=True):
+            annotate_row(axes, f"{part}/{of}", float(y), column, color=EFFECT[what])
     axes.set_yticks(places, [plain(name) for name in names])
-    axes.set(xlim=(0, 1), ylim=(len(own) - 0.5, -0.5))
+    axes.set(xlim=(0, 1), ylim=(len(table) - 0.5, -0.5))
     axes.grid(axis="x")
     axes.tick_params(axis="y", length=0)
 
@@ -194,21 +195,21 @@ def learning_curves(ways: "Mapping[str, Sequence[pd.DataFrame]]", keys: str = ""
     ways: the histories of each. keys: of the settings that the names of ways are values of.
     """
     figure = Figure(figsize=(6.4, 3.8))
-    axes, (first, *others) = figure.subplots(), ways
+    axes, (first, *rest) = figure.subplots(), ways
     curves = {column: look for column, look in _CURVES.items() if column in ways[first][0]}
-    lines = [(way, "best_fitness") for way in ways] if others else [(first, column) for column in curves]
-    for (way, column), (colour, line) in zip(lines, itertools.cycle(SERIES if others else curves.values())):
-        runs, label = ways[way], way if others else column.replace("_", " ")
+    lines = [(way, "best_fitness") for way in ways] if rest else [(first, column) for column in curves]
+    for (way, column), (colour, line) in zip(lines, itertools.cycle(SERIES if rest else curves.values())):
+        runs, label = ways[way], way if rest else column.replace("_", " ")
         count = min(map(len, runs))
         low, middle, high = np.percentile([run[column][:count] for run in runs], [25, 50, 75], axis=0)
         steps = np.median([run.robot_steps[:count].cumsum() for run in runs], axis=0)
-        named = f"{label}, n = {len(runs)}" if others else label
+        named = f"{label}, n = {len(runs)}" if rest else label
         axes.plot(steps, middle, color=colour, linestyle=line, label=plain(named))
         axes.fill_between(steps, low, high, color=colour, alpha=0.2, linewidth=0)
     n = max(map(len, ways.values()))
-    shown = "" if n == 1 else "median and quartiles" if others else f"median and quartiles, n = {n}"
-    axes.set(title=plain(", ".join(filter(None, [first * (not others), shown]))), xlabel="robot-steps")
-    axes.set_ylabel("best fitness" if others else "fitness")
+    shown = "" if n == 1 else "median and quartiles" if rest else f"median and quartiles, n = {n}"
+    axes.set(title=plain(", ".join(filter(None, [first * (not rest), shown]))), xlabel="robot-steps")
+    axes.set_ylabel("best fitness" if rest else "fitness")
     least, most = axes.dataLim.intervaly
     axes.set_ylim(min(0.0, least), max(1.0, 1.02 * most))  # a bonus can bring fitness above 1
     figure.legend(loc="outside right upper", title=plain(keys))
@@ -245,15 +246,15 @@ def weights(genes: NDArray[np.float64], lifetimes: Mapping[str, Samples], bound:
     figure = Figure(figsize=(3.8 * len(lifetimes), 4.2))
     panels = figure.subplots(1, len(lifetimes), squeeze=False, sharey=True)[0]
     for axes, (side, samples) in zip(panels, lifetimes.items(), strict=True):
-        after = samples.weights[-1].astype(float)
-        before = starting_weights(genes[: len(after)])
+        end = samples.weights[-1].astype(float)
+        start = starting_weights(genes[: len(end)])
         axes.plot([-bound, bound], [-bound, bound], color=SOFT, linewidth=0.8, label="unchanged")
         for edge, label in ((bound, "bound"), (-bound, "")):
             axes.axhline(edge, color=INK, linestyle="--", linewidth=0.8, label=label)
-        for name, chosen in (("higher", after > before), ("lower", after < before)):
-            axes.scatter(before[chosen], after[chosen], s=14, color=WEIGHT[name], alpha=0.6, linewidths=0, label=name)
-        share = saturated_fraction(after, bound)
-        axes.set(title=f"{side}: {share:.0%} of {len(after)} weights at the bound", xlabel="weight before (gene)")
+        for name, chosen in (("higher", end > start), ("lower", end < start)):
+            axes.scatter(start[chosen], end[chosen], s=14, color=WEIGHT[name], alpha=0.6, linewidths=0, label=name)
+        share = saturated_fraction(end, bound)
+        axes.set(title=f"{side}: {share:.0%} of {len(end)} weights at the bound", xlabel="weight before (gene)")
     panels[0].set_ylabel("weight at the end of the lifetime")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     figure.suptitle(plain(title))
@@ -271,15 +272,15 @@ def reversal(table: "pd.DataFrame", trials: "pd.DataFrame", title: str) -> Figur
     without a switch are left out.
     """
     lifetime = [trials.controller, trials.side, trials.repeat]
-    before = trials.rewarded_side.groupby(lifetime).shift()
-    switch = trials.trial.where(before.notna() & (trials.rewarded_side != before)).groupby(lifetime)
-    after = trials.trial - switch.ffill().fillna(switch.transform("min"))
-    known = after.between(*_AROUND)
+    last_side = trials.rewarded_side.groupby(lifetime).shift()
+    switch = trials.trial.where(last_side.notna() & (trials.rewarded_side != last_side)).groupby(lifetime)
+    offset = trials.trial - switch.ffill().fillna(switch.transform("min"))
+    is_near = offset.between(*_AROUND)
     drawn = Figure(figsize=(6.4, 4.0))
     axes = drawn.subplots()
     for name, (colour, line) in zip(table.controller[table.lifetimes.notna()], itertools.cycle(SERIES)):
-        own = known & (trials.controller == name)
-        shares = trials.rewarded[own].groupby(after[own].astype(int)).mean()
+        chosen = is_near & (trials.controller == name)
+        shares = trials.rewarded[chosen].groupby(offset[chosen].astype(int)).mean()
         axes.plot(shares.index, shares, color=colour, linestyle=line, marker="o", markersize=4, label=plain(name))
     for limit in table[table.lifetimes.isna()][:1].itertuples():
         axes.axhline(limit.rewarded_share, color=INK, linestyle="--", linewidth=0.8, label=limit.controller)
@@ -299,11 +300,11 @@ def lifetime(course: "pd.DataFrame", title: str, changes: Sequence[int]) -> Figu
     """
     drawn = Figure(figsize=(6.4, 5.6))
     panels = drawn.subplots(2, 1, sharex=True)
-    for (name, own), (colour, line) in zip(course.groupby("controller", sort=False), itertools.cycle(SERIES)):
+    for (name, rows), (colour, line) in zip(course.groupby("controller", sort=False), itertools.cycle(SERIES)):
         for axes, column in zip(panels, ("reward", "weight_change"), strict=True):
-            axes.plot(own.step, own[column], color=colour, linestyle=line, label=plain(str(name)))
-        quartiles = own.reward_quartile_1, own.reward_quartile_3
-        panels[0].fill_between(own.step, *quartiles, color=colour, alpha=0.15, linewidth=0)
+            axes.plot(rows.step, rows[column], color=colour, linestyle=line, label=plain(str(name)))
+        quartiles = rows.reward_quartile_1, rows.reward_quartile_3
+        panels[0].fill_between(rows.step, *quartiles, color=colour, alpha=0.15, linewidth=0)
     for axes, label in zip(panels, ("mean reward of a step, quartiles", "weight change"), strict=True):
         for step in changes:
             axes.axvline(step, color=INK, linewidth=0.8, linestyle=":")
@@ -340,14 +341,14 @@ def returns(rows: "pd.DataFrame") -> Figure:
     names = list(dict.fromkeys(ordered.sort_values("rule", kind="stable").line))
     drawn = Figure(figsize=(max(5.2, 2.2 + 2.6 * len(worlds)), 1.6 + 0.28 * len(names)))
     panels = drawn.subplots(1, len(worlds), sharey=True, sharex=True, squeeze=False)[0]
-    for axes, (world, own) in zip(panels, worlds, strict=True):
+    for axes, (world, group) in zip(panels, worlds, strict=True):
         for when, colour, marker, shift in (("before", SOFT, "s", -0.15), ("after", INK, "o", 0.15)):
-            places = [names.index(name) + shift for name in own.line]
-            axes.hlines(places, own[f"return_{when}_low"], own[f"return_{when}_high"], color=colour)
+            places = [names.index(name) + shift for name in group.line]
+            axes.hlines(places, group[f"return_{when}_low"], group[f"return_{when}_high"], color=colour)
             look = {"linestyle": "", "marker": marker, "color": colour, "markersize": 4, "label": when}
-            axes.plot(own[f"return_{when}"], places, **look)
-        for place, value in zip(places, own.return_after, strict=True):
-            annotate_row(axes, "–" if np.isnan(value) else f"{round(value)}", place)
+            axes.plot(group[f"return_{when}"], places, **look)
+        for y, value in zip(places, group.return_after, strict=True):
+            annotate_row(axes, "–" if np.isnan(value) else f"{round(value)}", y)
         axes.set(title=plain(str(world)), xlabel="return")
         axes.grid(axis="x")
     panels[0].set_yticks(range(len(names)), [plain(name) for name in names])

@@ -80,16 +80,16 @@ def effect(before: pd.Series, after: pd.Series, paper: float, control: pd.Series
     for prefix, values in (("", after), ("control_", control)):
         keys = (f"{prefix}effect", f"{prefix}effect_low", f"{prefix}effect_high")
         row |= dict(zip(keys, _champion_mean(100 * (values / before - 1)), strict=True))
-    known = (after / before).dropna()
-    champions = known.index.get_level_values("genome").nunique()
-    return row | {"verdict": verdict(row["effect_low"], row["effect_high"], len(known), champions, paper)}
+    ratios = (after / before).dropna()
+    champions = ratios.index.get_level_values("genome").nunique()
+    return row | {"verdict": verdict(row["effect_low"], row["effect_high"], len(ratios), champions, paper)}
 
 
 def _champion_mean(values: pd.Series) -> tuple[float, float, float]:
     """The mean over champions, each with the mean of its trials, and the interval."""
     by_champion = values.groupby("genome", sort=False).mean().to_numpy(float)
-    known = by_champion[~np.isnan(by_champion)]
-    return (float(known.mean()) if len(known) else float("nan"), *bootstrap(mean, known))
+    means = by_champion[~np.isnan(by_champion)]
+    return (float(means.mean()) if len(means) else float("nan"), *bootstrap(mean, means))
 
 
 def claims(each: pd.DataFrame, published: pd.DataFrame) -> pd.DataFrame:
@@ -145,8 +145,8 @@ def _obstacle_claims(each: pd.DataFrame, published: pd.DataFrame) -> Iterator[di
     yield _either("A small change needs a small rate", *map(pd.concat, (any_broken, any_small, any_large)))
 
     def cell(controller: str, scenario: str, metric: str) -> pd.Series:
-        here = (published.controller == controller) & (published.scenario == scenario) & (published.metric == metric)
-        return published[here & (published.experiment == "obstacles")].set_index("side").published
+        is_cell = (published.controller == controller) & (published.scenario == scenario) & (published.metric == metric)
+        return published[is_cell & (published.experiment == "obstacles")].set_index("side").published
 
     change = "weight_change_mean"
     none, two, four = (of(scenario, HEBBIAN, rate, change) for scenario in ("base", "2obstacles", "4obstacles"))
@@ -191,8 +191,8 @@ def showcase(each: pd.DataFrame, published: pd.DataFrame, experiment: str) -> tu
     names = list(dict.fromkeys(ours.genome))
     solves = [name for name in names if all((name, side) in solved for side in ("left", "right"))]
     agreement = {
-        str(name): int((own.set_index(cell).succeeds.reindex(paper.index) == paper).sum())
-        for name, own in ours.groupby("genome", sort=False)
+        str(name): int((rows.set_index(cell).succeeds.reindex(paper.index) == paper).sum())
+        for name, rows in ours.groupby("genome", sort=False)
         if name in (solves or names)
     }
     best = max(agreement, key=lambda name: agreement[name])
@@ -207,12 +207,12 @@ def _count(
     return claim(text, counted, *_champion_counts(true, among), controls)
 
 
-def _either(text: str, broken: pd.Series, own: pd.Series, other: pd.Series) -> dict[str, Any]:
+def _either(text: str, broken: pd.Series, own_rate: pd.Series, other_rate: pd.Series) -> dict[str, Any]:
     """Whether the experiment's own rate rescues, in the trials where just one of the two rates does."""
-    if not len(other):
+    if not len(other_rate):
         return claim(text, "not run", np.zeros(0, np.int64), np.zeros(0, np.int64))
     counted = "broken trials that one of N = 0.000015 and 0.002 rescues and the other does not"
-    return _count(text, counted, own & ~other, broken & (own ^ other))
+    return _count(text, counted, own_rate & ~other_rate, broken & (own_rate ^ other_rate))
 
 
 def _champion_counts(true: pd.Series, among: pd.Series) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

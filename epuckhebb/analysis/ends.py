@@ -79,14 +79,14 @@ def draws(compared: Iterable[Mapping[str, Any]]) -> dict[str, str]:
     compared: `compare` of each run, the settings of controllers by name.
     """
     rules: dict[str, list[Any]] = {}
-    for one in compared:
-        for name, settings in one.items():
+    for controllers in compared:
+        for name, settings in controllers.items():
             rule = {key: value for key, value in settings.items() if key != "sign_draw"}
             if rule not in rules.setdefault(name, []):
                 rules[name].append(rule)
     controls = {name: re.sub(_DRAW, "", name) for name in rules}
     alike = {control: [rules[name] for name in rules if controls[name] == control] for control in controls.values()}
-    return {name: control for name, control in controls.items() if all(rules[name] == own for own in alike[control])}
+    return {name: control for name, control in controls.items() if all(rules[name] == rule for rule in alike[control])}
 
 
 def _merge_draws(each: pd.DataFrame, controls: Mapping[str, str]) -> pd.DataFrame:
@@ -119,26 +119,26 @@ def _exchange_genomes(each: pd.DataFrame) -> pd.DataFrame:
     A lifetime depends on its genome, world, side, repeat and seed alone, so these lifetimes have been run. The fate is
     that of the trial of the champion whose place it is.
     """
-    own = each[(each.controller == HEBBIAN) & (each.groupby("experiment").genome.transform("nunique") > 1)]
-    trial, others = [*own.columns[: own.columns.get_loc("end")]], own.drop(columns="fate")
-    for _, rows in own.groupby("experiment", sort=False):
+    plastic = each[(each.controller == HEBBIAN) & (each.groupby("experiment").genome.transform("nunique") > 1)]
+    trial, exchanged = [*plastic.columns[: plastic.columns.get_loc("end")]], plastic.drop(columns="fate")
+    for _, rows in plastic.groupby("experiment", sort=False):
         first, *names = rows.genome.unique()
-        others.loc[rows.index, "genome"] = rows.genome.map(dict(zip([*names, first], [first, *names], strict=True)))
-    return others.merge(own[[*trial, "fate"]], on=trial).assign(controller=OTHER)
+        exchanged.loc[rows.index, "genome"] = rows.genome.map(dict(zip([*names, first], [first, *names], strict=True)))
+    return exchanged.merge(plastic[[*trial, "fate"]], on=trial).assign(controller=OTHER)
 
 
 def _ends(each: pd.DataFrame) -> Iterator[dict[str, Any]]:
     """The rows of `ends.csv`. each: trials with their draws, and a column for each end."""
     by = [*each.columns[: each.columns.get_loc("genome")]]
-    for condition, here in each.groupby(by, sort=False):
-        draws = here.draw.nunique()
+    for condition, group in each.groupby(by, sort=False):
+        draws = group.draw.nunique()
         for among in (ALL, BROKEN, INTACT, UNSOLVED):
-            own = here if among == ALL else here[here.fate == among]
-            if own.empty or (among == ALL and OTHER in condition):  # over all trials it is the rule itself
+            rows = group if among == ALL else group[group.fate == among]
+            if rows.empty or (among == ALL and OTHER in condition):  # over all trials it is the rule itself
                 continue
-            of_champion = own.groupby("genome", sort=False)[_COUNTED].sum()
+            of_champion = rows.groupby("genome", sort=False)[_COUNTED].sum()
             less = of_champion[End.right] - of_champion[End.wrong]
-            row = dict(zip(by, condition, strict=True)) | {"among": among, "draws": draws, "trials": len(own) // draws}
+            row = dict(zip(by, condition, strict=True)) | {"among": among, "draws": draws, "trials": len(rows) // draws}
             row |= (of_champion.sum() / draws).to_dict()
             row |= {"champions": len(less), "right_less_wrong": less.mean() / draws}
             for name, percentiles in _PERCENTILES.items():
@@ -160,12 +160,12 @@ def discrimination(each: pd.DataFrame) -> pd.DataFrame:
     in_order = pd.MultiIndex.from_frame(each[[*by, "genome"]].drop_duplicates())
     sides = each.set_index([*by, *findings.TRIAL]).end.unstack("side").reindex(in_order).dropna()
     rows = []
-    for condition, own in sides.groupby(by, sort=False):
-        row: dict[str, Any] = dict(zip(by, condition, strict=True)) | {"champions": len(own)}
+    for condition, group in sides.groupby(by, sort=False):
+        row: dict[str, Any] = dict(zip(by, condition, strict=True)) | {"champions": len(group)}
         for end in (End.right, End.wrong):
-            left, right = (own[side] == end for side in SIDES)
+            left, right = (group[side] == end for side in SIDES)
             row |= {f"{end}_left": left.sum(), f"{end}_right": right.sum(), f"{end}_both": (left & right).sum()}
-            row[f"{end}_expected"] = left.sum() * right.sum() / len(own)
+            row[f"{end}_expected"] = left.sum() * right.sum() / len(group)
         rows.append(row)
     return pd.DataFrame(rows)
 
@@ -184,20 +184,21 @@ def tables(
 
 def markdown(table: pd.DataFrame) -> str:
     """A section of a page: what ends are, and a table for each experiment. table: `ends.csv`."""
-    return "\n".join(["## Ends\n", f"{MEANING}\n", *(f"{one.title}:\n\n{one.markdown()}" for one in readable(table))])
+    parts = [f"{part.title}:\n\n{part.markdown()}" for part in readable(table)]
+    return "\n".join(["## Ends\n", f"{MEANING}\n", *parts])
 
 
 def readable(table: pd.DataFrame) -> list[Table]:
     """A table to read for each experiment, of all trials: a row for each world and controller. table: `ends.csv`."""
     return [
-        _experiment_table(str(name), own) for name, own in table[table.among == ALL].groupby("experiment", sort=False)
+        _experiment_table(str(name), rows) for name, rows in table[table.among == ALL].groupby("experiment", sort=False)
     ]
 
 
-def _experiment_table(experiment: str, own: pd.DataFrame) -> Table:
+def _experiment_table(experiment: str, table: pd.DataFrame) -> Table:
     """The ends of all trials of an experiment to read: a row for each world and controller."""
-    settings = own.columns[: own.columns.get_loc("among")].difference(_CELL, sort=False)
-    shown = [name for name in settings if own[name].nunique() > 1]
+    settings = table.columns[: table.columns.get_loc("among")].difference(_CELL, sort=False)
+    shown = [name for name in settings if table[name].nunique() > 1]
     headings = [
         *map(plain, shown),
         "scenario",
@@ -210,13 +211,13 @@ def _experiment_table(experiment: str, own: pd.DataFrame) -> Table:
     ]
     rows = [
         [
-            *(cell(value) for value in place),
+            *(cell(value) for value in values),
             plain(row.scenario),
             plain(label(row.controller, row.N)) + (f", {row.draws} draws" if row.draws > 1 else ""),
             *(f"{getattr(row, name):g}" for name in ("trials", *_COUNTED)),
             interval_text(row, "right_less_wrong", "+.2f"),
         ]
-        for place, row in zip(own[shown].itertuples(index=False), own.itertuples(), strict=True)
+        for values, row in zip(table[shown].itertuples(index=False), table.itertuples(), strict=True)
     ]
     title = f"Ends of the {experiment} experiment (right less wrong: of a champion, 95 % interval over champions)"
     return Table([*headings, "right less wrong"], rows, title, text=len(shown) + 2)

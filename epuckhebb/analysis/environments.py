@@ -29,15 +29,15 @@ def lifetime_course(names: Sequence[str], lives: Sequence[Lived], horizon: int) 
     edges = np.unique(np.linspace(0, horizon, min(_BINS, horizon) + 1).astype(int))
     rows: list[dict[str, Any]] = []
     for name in dict.fromkeys(names):
-        own = [lived for other, lived in zip(names, lives, strict=True) if other == name]
+        group = [lived for controller, lived in zip(names, lives, strict=True) if controller == name]
         for begin, end in itertools.pairwise(edges):
-            there = [lived for lived in own if len(lived.rewards) > begin]
-            if there:
-                earned = [one.rewards[begin:end].sum() / (end - begin) for one in own]
+            alive = [lived for lived in group if len(lived.rewards) > begin]
+            if alive:
+                earned = [lived.rewards[begin:end].sum() / (end - begin) for lived in group]
                 low, high = np.percentile(earned, [25, 75])
-                change = float(np.mean([one.weight_changes[begin:end].mean() for one in there]))
-                step = float(np.mean([one.weight_steps[begin:end].mean() for one in there]))
-                row = {"controller": name, "step": int(end), "alive": len(there) / len(own)}
+                change = float(np.mean([lived.weight_changes[begin:end].mean() for lived in alive]))
+                step = float(np.mean([lived.weight_steps[begin:end].mean() for lived in alive]))
+                row = {"controller": name, "step": int(end), "alive": len(alive) / len(group)}
                 row |= {
                     "reward": float(np.mean(earned)),
                     "reward_quartile_1": float(low),
@@ -56,17 +56,17 @@ def table(metrics: pd.DataFrame, by: Sequence[str] = ("controller", "N")) -> pd.
     """
     metrics = metrics.assign(**{name: pd.to_numeric(metrics[name]) for name in ("N", *_MEANS)})
     rows: list[dict[str, Any]] = []
-    for condition, own in metrics.groupby(list(by), sort=False, dropna=False):
-        champions = own.genome.nunique()
-        cases = own.groupby("genome", sort=False)[list(_MEANS)].mean() if champions > 1 else own[list(_MEANS)]
-        row: dict[str, Any] = dict(zip(by, condition, strict=True)) | {"champions": champions, "lifetimes": len(own)}
+    for condition, group in metrics.groupby(list(by), sort=False, dropna=False):
+        champions = group.genome.nunique()
+        cases = group.groupby("genome", sort=False)[list(_MEANS)].mean() if champions > 1 else group[list(_MEANS)]
+        row: dict[str, Any] = dict(zip(by, condition, strict=True)) | {"champions": champions, "lifetimes": len(group)}
         for column in _MEANS:
             values = cases[column].to_numpy(float)
             row[column] = float(np.nanmean(values)) if np.isfinite(values).any() else np.nan
             if column in _RETURNS:
                 row |= bounds(f"{column}_", bootstrap(mean, values))
-        row["reached"] = int(own.reached.sum())
-        row["recovered"] = int(own.recovery_steps.notna().sum())
+        row["reached"] = int(group.reached.sum())
+        row["recovered"] = int(group.recovery_steps.notna().sum())
         rows.append(row)
     return pd.DataFrame(rows)
 
@@ -99,38 +99,38 @@ def effects(metrics: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     rule = ["N", *(name for name in by if is_of_controller(name))]
     shown = [*by, "controller", *(["N"] if has_several_rates(metrics) else [])]
     rows: list[dict[str, Any]] = []
-    for _, own in metrics[metrics.change.fillna("") != ""].groupby(world, sort=False, dropna=False):
-        for condition, ours in own.groupby(["controller", *rule], sort=False, dropna=False):
+    for _, group in metrics[metrics.change.fillna("") != ""].groupby(world, sort=False, dropna=False):
+        for condition, ours in group.groupby(["controller", *rule], sort=False, dropna=False):
             name, rate = condition[:2]
             if not rate > 0 or "(" in name:
                 continue
-            alike = own[(own[rule] == ours[rule].iloc[0]).all(axis=1)]
+            alike = group[(group[rule] == ours[rule].iloc[0]).all(axis=1)]
             against = {f"{name} (frozen at the change)": alike}
-            for other in own[(own.N == 0) & ~own.controller.str.contains("(", regex=False)].controller.unique():
-                same = own[(own[rule[1:]] == ours[rule[1:]].iloc[0]).all(axis=1) & (own.N == 0)]
-                against[other] = same if (same.controller == other).any() else own
-            for other, among in against.items():
-                row = _effect(ours, among[among.controller == other])
+            for control in group[(group.N == 0) & ~group.controller.str.contains("(", regex=False)].controller.unique():
+                same = group[(group[rule[1:]] == ours[rule[1:]].iloc[0]).all(axis=1) & (group.N == 0)]
+                against[control] = same if (same.controller == control).any() else group
+            for control, among in against.items():
+                row = _effect(ours, among[among.controller == control])
                 if row:
-                    rows.append({key: ours[key].iloc[0] for key in shown} | {"against": other} | row)
+                    rows.append({key: ours[key].iloc[0] for key in shown} | {"against": control} | row)
     return pd.DataFrame(rows).assign(p_holm=holm([row["p"] for row in rows])) if rows else pd.DataFrame()
 
 
 def _effect(ours: pd.DataFrame, others: pd.DataFrame) -> dict[str, Any]:
     """The difference between lifetimes of two controllers, paired if they are of the same champions; none of few."""
-    pair = [one.groupby("genome", sort=False).return_after.mean() for one in (ours, others)]
-    both = pair[0].index.intersection(pair[1].index, sort=False)
-    is_paired = len(both) > 0
+    pair = [group.groupby("genome", sort=False).return_after.mean() for group in (ours, others)]
+    shared = pair[0].index.intersection(pair[1].index, sort=False)
+    is_paired = len(shared) > 0
     if is_paired:
-        kept = pair[0][both].notna() & pair[1][both].notna()
-        pair = [one[both][kept] for one in pair]
-    values = [one.dropna().to_numpy(float) for one in pair]
+        kept = pair[0][shared].notna() & pair[1][shared].notna()
+        pair = [group[shared][kept] for group in pair]
+    values = [group.dropna().to_numpy(float) for group in pair]
     if min(map(len, values)) < LEAST:
         return {}
-    found = (mean, values[0] - values[1]) if is_paired else (difference, *values)
+    statistic = (mean, values[0] - values[1]) if is_paired else (difference, *values)
     p = sign_flip(values[0] - values[1]) if is_paired else permutation(*values)
     row = {"is_paired": is_paired, "champions": len(values[0]), "others": len(values[1])}
-    return row | {"effect": values[0].mean() - values[1].mean(), **bounds("effect_", bootstrap(*found)), "p": p}
+    return row | {"effect": values[0].mean() - values[1].mean(), **bounds("effect_", bootstrap(*statistic)), "p": p}
 
 
 def has_several_rates(rows: pd.DataFrame) -> bool:
@@ -140,8 +140,8 @@ def has_several_rates(rows: pd.DataFrame) -> bool:
 
 def differing(rows: pd.DataFrame) -> list[str]:
     """The columns that tell the conditions of a table apart, but for the controller and its N. rows: of `table`."""
-    before = list(rows)[: list(rows).index("champions")]
-    return [name for name in before if name not in ("controller", "N") and rows[name].nunique(dropna=False) > 1]
+    keys = list(rows)[: list(rows).index("champions")]
+    return [name for name in keys if name not in ("controller", "N") and rows[name].nunique(dropna=False) > 1]
 
 
 def readable(rows: pd.DataFrame, title: str = "") -> Table:

@@ -100,11 +100,11 @@ def evaluate(
     names = [f"{controller.name}, N = {controller.rule.N:g}" for controller in everyone]
     if len(set(names)) < len(names):
         raise ValueError(f"two controllers have the same name and N, of {'; '.join(names)}")
-    wanted: list[tuple[int, Side, int]] = [
+    lifetimes: list[tuple[int, Side, int]] = [
         (number, side, repeat) for number in range(len(everyone)) for side in SIDES for repeat in range(repeats)
     ]
     plan = plan or make_plan(network)
-    individuals = make_individuals(genes, everyone, wanted, nominal, plan, network, seed, evolved_signs)
+    individuals = make_individuals(genes, everyone, lifetimes, nominal, plan, network, seed, evolved_signs)
     outcomes = run_lifetimes(individuals, scenario, lifetime, threads, weight_path=has_control(controllers))
     rows = [
         {
@@ -126,9 +126,9 @@ def evaluate(
             "end": "" if outcome.end is None else outcome.end.value,
             **(_rewarded(outcome.trials) if scenario.task.has_trials else {}),
         }
-        for (number, side, repeat), (outcome, _) in zip(wanted, outcomes, strict=True)
+        for (number, side, repeat), (outcome, _) in zip(lifetimes, outcomes, strict=True)
     ]
-    recorded = [(w, samples) for w, (_, samples) in zip(wanted, outcomes, strict=True) if w[2] == 0]
+    recorded = [(w, samples) for w, (_, samples) in zip(lifetimes, outcomes, strict=True) if w[2] == 0]
     traces = Traces(
         controller=[everyone[number].name for (number, *_), _ in recorded],
         side=[side for (_, side, _), _ in recorded],
@@ -145,32 +145,36 @@ def evaluate(
 def make_individuals(
     genes: NDArray[np.float64],
     controllers: Sequence[Controller],
-    wanted: Sequence[tuple[int, Side, int]],
+    lifetimes: Sequence[tuple[int, Side, int]],
     nominal: Nominal | None,
     plan: GenomePlan,
     network: Network,
     seed: int,
     evolved_signs: NDArray[np.float64] | None,
 ) -> list[Individual]:
-    """The individuals of an evaluation, one for each wanted number of a controller, side and repeat."""
-    taken = [plan.pick(genes, make_plan(network, type(controller.rule))) for controller in controllers]
-    place = zlib.crc32(taken[0].tobytes())
+    """The individuals of an evaluation, one for each lifetime.
+
+    lifetimes: the number of the controller, the side and the repeat of each.
+    """
+    rules = [controller.rule for controller in controllers]
+    taken = [plan.pick(genes, make_plan(network, type(rule))) for rule in rules]
+    genome_key = zlib.crc32(taken[0].tobytes())
     of_updates = [
         evolved_signs
-        if evolved_signs is not None and controller.rule.sign is Sign.shuffled
-        else signs(controller.rule.sign, network.synapses, signs_of_draw(controller.rule.sign_draw, place))
-        for controller in controllers
+        if evolved_signs is not None and rule.sign is Sign.shuffled
+        else signs(rule.sign, network.synapses, signs_of_draw(rule.sign_draw, genome_key))
+        for rule in rules
     ]
-    yokings = [yoking(one.rule.control, network, one.rule.sign_draw, place) for one in controllers]
+    yokings = [yoking(rule.control, network, rule.sign_draw, genome_key) for rule in rules]
 
-    pairs = list(product(dict.fromkeys(repeat for *_, repeat in wanted), SIDES))
+    pairs = list(product(dict.fromkeys(repeat for *_, repeat in lifetimes), SIDES))
     places = [(repeat, SIDES.index(side)) for repeat, side in pairs]
     keys = dict(zip(pairs, random.keys(seed, Stream.evaluation_noise, places), strict=True))
     task_keys = {repeat: int(random.key(seed, Stream.evaluation_task, repeat)) for repeat, _ in pairs}
     of_side = {} if nominal is None else {side: nominal.statistics(side) for side in SIDES}
 
     def individual(number: int, side: Side, repeat: int) -> Individual:
-        carries = side == "right" and controllers[number].rule.carries_history
+        carries = side == "right" and rules[number].carries_history
         return Individual(
             genes=taken[number],
             network=network,
@@ -185,7 +189,7 @@ def make_individuals(
             after=replace(individual(number, "left", repeat), record=False) if carries else None,
         )
 
-    return [individual(number, side, repeat) for number, side, repeat in wanted]
+    return [individual(number, side, repeat) for number, side, repeat in lifetimes]
 
 
 def _rewarded(trials: NDArray[np.void]) -> dict[str, Any]:

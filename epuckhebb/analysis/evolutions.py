@@ -31,7 +31,7 @@ def summary(evolutions: Histories, fitness: float | None = None) -> pd.DataFrame
     rows = []
     for settings, histories in evolutions:
         values = {
-            name: np.array([one[name].iloc[-1] for one in histories]) for name in _HEADINGS if name in histories[0]
+            name: np.array([run[name].iloc[-1] for run in histories]) for name in _HEADINGS if name in histories[0]
         }
         steps = np.mean([history.robot_steps.sum() for history in histories])
         row = {**settings, "n": len(histories)}
@@ -40,11 +40,11 @@ def summary(evolutions: Histories, fitness: float | None = None) -> pd.DataFrame
             row |= {"robot_hours": steps * HOURS, "n_reached": int((hours < _NEVER).sum())}
         else:
             row["robot_steps"] = steps
-        for name, own in values.items():
+        for name, finals in values.items():
             statistic = _median if name == _TO_SUCCESS else mean
-            numbers = float(statistic(own)), *bootstrap(statistic, own)
-            known = [number if number < _NEVER else math.nan for number in numbers]
-            row |= dict(zip((name, f"{name}_low", f"{name}_high"), known, strict=True))
+            numbers = float(statistic(finals)), *bootstrap(statistic, finals)
+            reached = [number if number < _NEVER else math.nan for number in numbers]
+            row |= dict(zip((name, f"{name}_low", f"{name}_high"), reached, strict=True))
         rows.append(row)
     return pd.DataFrame(rows)
 

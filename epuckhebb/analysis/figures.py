@@ -119,9 +119,9 @@ def _floor(maze: Maze) -> _Floor:
     free = np.ones((len(in_y), len(in_x)), bool)
     for left, right, bottom, top in walls:
         free[np.ix_((bottom < in_y) & (in_y < top), (left < in_x) & (in_x < right))] = False
-    reached, before = np.zeros_like(free), -1
+    reached, count = np.zeros_like(free), -1
     reached[np.searchsorted(y, maze.start.y) - 1, np.searchsorted(x, maze.start.x) - 1] = True
-    while before < (before := int(reached.sum())):
+    while count < (count := int(reached.sum())):
         for way in (reached, reached.T, reached[::-1], reached.T[::-1]):
             way[1:] |= way[:-1]
             reached &= free
@@ -162,10 +162,10 @@ def draw_maze(axes: Axes, scenario: Scenario) -> list[Artist]:
     ]
     for side in SIDES:
         look = {"fill": False, "linestyle": ":", "edgecolor": SIDE[side]}
-        for number, place in _numbered(world.goals_now[side] for world in worlds):
-            drawn.append(axes.add_patch(Circle(place, scenario.maze.goal_radius_m, **look)))
+        for number, position in _numbered(world.goals_now[side] for world in worlds):
+            drawn.append(axes.add_patch(Circle(position, scenario.maze.goal_radius_m, **look)))
             if number:
-                drawn.append(axes.annotate(f"◆{number}", place, color=SIDE[side], fontsize=8, ha="center"))
+                drawn.append(axes.annotate(f"◆{number}", position, color=SIDE[side], fontsize=8, ha="center"))
     left, right, bottom, top = view(scenario.maze)
     lamps = [] if scenario.task.has_trials else _numbered((world.lamp.x_m, world.lamp.y_m) for world in worlds)
     for number, (x, y) in lamps:

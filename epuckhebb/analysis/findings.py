@@ -31,8 +31,8 @@ def trials(metrics: pd.DataFrame, settings: Sequence[str] = ()) -> pd.DataFrame:
     `elsewhere` if no end has so many. `arrived`: whether more than half of them reached the goal at any time. settings:
     more columns that tell conditions apart.
     """
-    own = metrics.assign(_wrong=metrics.end == End.wrong, _arrived=metrics.time_to_goal_s.notna())
-    grouped = own.groupby([*dict.fromkeys([*settings, *_CELL, *TRIAL])], sort=False)
+    marked = metrics.assign(_wrong=metrics.end == End.wrong, _arrived=metrics.time_to_goal_s.notna())
+    grouped = marked.groupby([*dict.fromkeys([*settings, *_CELL, *TRIAL])], sort=False)
     means = grouped[[*_MEANS, "_wrong", "_arrived"]].mean()
     means["succeeds"], means["arrived"] = means.success > 0.5, means._arrived > 0.5
     means["end"] = np.where(means.succeeds, End.right, np.where(means._wrong > 0.5, End.wrong, End.elsewhere))
@@ -47,8 +47,8 @@ def success(each: pd.DataFrame) -> pd.DataFrame:
     """
     each = each.assign(wrong=each.end == End.wrong)
     sides = each.groupby([*_CELL, "genome"], sort=False, as_index=False)
-    both = sides[["succeeds", "wrong"]].all().assign(side="both")
-    outcomes = pd.concat([each, both], ignore_index=True)
+    both_sides = sides[["succeeds", "wrong"]].all().assign(side="both")
+    outcomes = pd.concat([each, both_sides], ignore_index=True)
     trial = ["experiment", "scenario", *TRIAL]
     alone = outcomes[outcomes.controller == GA].set_index(trial).succeeds
     outcomes["gained"] = outcomes.succeeds & ~alone.loc[pd.MultiIndex.from_frame(outcomes[trial])].to_numpy()
@@ -71,9 +71,9 @@ def find_fates(each: pd.DataFrame, settings: Sequence[str] = ()) -> pd.DataFrame
     trial = [*dict.fromkeys([*settings, "experiment", *TRIAL])]
     alone = each[each.controller == GA]
     in_training = alone[alone.scenario == alone.experiment.map(TRAINED)].set_index(trial).succeeds
-    here = alone.set_index([*trial, "scenario"]).succeeds
+    unaided = alone.set_index([*trial, "scenario"]).succeeds
     solved = in_training.reindex(pd.MultiIndex.from_frame(each[trial]))
-    stays = here.reindex(pd.MultiIndex.from_frame(each[[*trial, "scenario"]]))
+    stays = unaided.reindex(pd.MultiIndex.from_frame(each[[*trial, "scenario"]]))
     fates = [solved.isna(), solved.eq(False), stays.eq(True), stays.eq(False)]
     return each.assign(fate=np.select([fate.to_numpy() for fate in fates], ["", UNSOLVED, INTACT, BROKEN], ""))
 
@@ -99,14 +99,14 @@ def rescue_and_harm(each: pd.DataFrame) -> pd.DataFrame:
     """
     rows: list[dict[str, Any]] = []
     marked = _mark_fates(each)
-    for key, own in marked[marked.controller != GA].groupby(_PLASTICITY, sort=False):
+    for key, group in marked[marked.controller != GA].groupby(_PLASTICITY, sort=False):
         experiment = key[0]
         for scenario in (TRAINED[experiment], *changed(each, experiment)):
-            here = own[own.scenario == scenario]
-            counts = _counts(here.groupby("genome", sort=False)[[*COUNTS]].sum())
+            cell = group[group.scenario == scenario]
+            counts = _counts(cell.groupby("genome", sort=False)[[*COUNTS]].sum())
             row = dict(zip(_CELL, (experiment, scenario, *key[1:]), strict=True))
             row |= {"solved": counts["broken"] + counts["intact"]} | counts
-            gain = here.set_index(TRIAL).succeeds.astype(float) - outcomes(each, experiment, scenario, GA, 0.0)
+            gain = cell.set_index(TRIAL).succeeds.astype(float) - outcomes(each, experiment, scenario, GA, 0.0)
             of_champion = gain.groupby("genome", sort=False)
             row |= {"difference": float(of_champion.mean().mean())}
             row |= bounds("difference_", bootstrap(mean, of_champion.mean().to_numpy()))
@@ -137,10 +137,10 @@ def rescue_by_champion(each: pd.DataFrame) -> pd.DataFrame:
     rows, too; it rescues none.
     """
     rows = []
-    for key, own in _mark_fates(each).groupby(_PLASTICITY, sort=False):
-        is_training = own.scenario == TRAINED[key[0]]
+    for key, group in _mark_fates(each).groupby(_PLASTICITY, sort=False):
+        is_training = group.scenario == TRAINED[key[0]]
         counts, trained = (
-            own[some].groupby("genome", sort=False)[[*COUNTS]].sum() for some in (~is_training, is_training)
+            group[some].groupby("genome", sort=False)[[*COUNTS]].sum() for some in (~is_training, is_training)
         )
         counts = counts.assign(**dict(zip(_PLASTICITY, key, strict=True)))
         rows.append(counts.assign(solves=trained.intact, training_harmed=trained.harmed).reset_index())
@@ -155,9 +155,9 @@ def rescue_totals(by_champion: pd.DataFrame) -> pd.DataFrame:
     """
     rows = []
     plastic = by_champion[by_champion.controller != GA]
-    for key, own in plastic.groupby(_PLASTICITY, sort=False):
-        row = dict(zip(_PLASTICITY, key, strict=True)) | _counts(own[[*COUNTS]])
-        rows.append(row | {"training_harmed": own.training_harmed.sum(), "training_solved": own.solves.sum()})
+    for key, group in plastic.groupby(_PLASTICITY, sort=False):
+        row = dict(zip(_PLASTICITY, key, strict=True)) | _counts(group[[*COUNTS]])
+        rows.append(row | {"training_harmed": group.training_harmed.sum(), "training_solved": group.solves.sum()})
     return pd.DataFrame(rows)
 
 
@@ -165,8 +165,8 @@ def outcomes(
     each: pd.DataFrame, experiment: str, scenario: str, controller: str, rate: float, column: str = "succeeds"
 ) -> pd.Series:
     """A column of one condition, indexed by trial."""
-    here = (each.experiment == experiment) & (each.scenario == scenario)
-    return each[here & (each.controller == controller) & (rate == each.N)].set_index(TRIAL)[column]
+    in_world = (each.experiment == experiment) & (each.scenario == scenario)
+    return each[in_world & (each.controller == controller) & (rate == each.N)].set_index(TRIAL)[column]
 
 
 def solved_in_training(each: pd.DataFrame, experiment: str) -> pd.Index:

@@ -68,8 +68,8 @@ def champion_counts(metrics: pd.DataFrame, training_world: str) -> tuple[dict[st
     each = findings.trials(metrics)
     plastic = [name for name in each.controller.unique() if name != GA]
     alone = each[each.controller == GA]
-    own = each[each.controller == plastic[0]] if plastic else alone
-    in_training, tests = own[own.scenario == training_world], own[own.scenario != training_world]
+    tested = each[each.controller == plastic[0]] if plastic else alone
+    in_training, tests = tested[tested.scenario == training_world], tested[tested.scenario != training_world]
     count: dict[str, int | None] = {
         "solves": int(in_training.succeeds.all()),
         "trials": len(tests),
@@ -91,15 +91,15 @@ def learner_counts(metrics: pd.DataFrame, task: Task) -> tuple[dict[str, int | N
     of_lifetime = len(task.initial_trials("left", 0))
     rewarded = [int(total) for total in (each["sum"] * of_lifetime).round()]
     trials = int(each["size"].iloc[0]) * of_lifetime
-    alone, own, *inverted = rewarded if len(rewarded) > 1 else rewarded * 2
+    alone, learning, *inverted = rewarded if len(rewarded) > 1 else rewarded * 2
     count: dict[str, int | None] = {
-        "solves": int(own / trials > sum(task.limits().values()) / 2),
+        "solves": int(learning / trials > sum(task.limits().values()) / 2),
         "trials": trials,
-        "successes": own,
+        "successes": learning,
         "successes_off": alone if len(rewarded) > 1 else None,
         "successes_inverted": inverted[0] if inverted else None,
     }
-    world = {"scenario": metrics.scenario.iloc[0], "trials": trials, "successes": own}
+    world = {"scenario": metrics.scenario.iloc[0], "trials": trials, "successes": learning}
     return count, pd.DataFrame([world])
 
 
@@ -110,39 +110,39 @@ def table(rows: Sequence[Row], champions: pd.DataFrame) -> pd.DataFrame:
 
     champions: a row for each, with its method and the counts of its trials.
     """
-    found = []
+    entries = []
     for row in rows:
-        own = _champions(champions, row.experiment, row.method)
+        group = _champions(champions, row.experiment, row.method)
         control = _champions(champions, row.experiment, row.matched_control)
-        solves = own[own.solves == 1]
-        shares = _shares(own)
-        found.append(
+        solves = group[group.solves == 1]
+        shares = _shares(group)
+        entries.append(
             {
                 **{name: getattr(row, name) for name in _OF_ROW},
-                "champions": len(own),
+                "champions": len(group),
                 "solved": len(solves),
-                **bounds("solved_", wilson_by_champion(own.solves.to_numpy(np.int64), np.ones(len(own), np.int64))),
-                "trials": int(own.trials.sum()),
-                "successes": int(own.successes.sum()),
-                **_success(own, "success"),
+                **bounds("solved_", wilson_by_champion(group.solves.to_numpy(np.int64), np.ones(len(group), np.int64))),
+                "trials": int(group.trials.sum()),
+                "successes": int(group.successes.sum()),
+                **_success(group, "success"),
                 "iqm": float(interquartile_mean(shares)),
                 **bounds("iqm_", bootstrap(interquartile_mean, shares)),
                 "best": shares.max(),
                 **_success(solves, "retention"),
-                **_difference(own, control, paired=row.kind == POST_HOC),
-                **_improvement(own, control),
-                "success_off": _share(own.successes_off, own.trials),
-                "success_inverted": _share(own.successes_inverted, own.trials),
+                **_difference(group, control, paired=row.kind == POST_HOC),
+                **_improvement(group, control),
+                "success_off": _share(group.successes_off, group.trials),
+                "success_inverted": _share(group.successes_inverted, group.trials),
                 "evolved_parameters": row.evolved_parameters,
-                "robot_steps": int(own.robot_steps.mean()),
+                "robot_steps": int(group.robot_steps.mean()),
             }
         )
-    board = _add_best_plain(pd.DataFrame(found), champions)
+    board = _add_best_plain(pd.DataFrame(entries), champions)
     board.insert(board.columns.get_loc("p") + 1, "p_holm", np.nan)
     board["best_plain_p_holm"] = np.nan
-    for _, own in board.groupby("experiment"):  # one correction for all p values of a table
-        corrected = holm([*own.p, *own.best_plain_p])
-        board.loc[own.index, ["p_holm", "best_plain_p_holm"]] = corrected.reshape(2, -1).T
+    for _, group in board.groupby("experiment"):  # one correction for all p values of a table
+        corrected = holm([*group.p, *group.best_plain_p])
+        board.loc[group.index, ["p_holm", "best_plain_p_holm"]] = corrected.reshape(2, -1).T
     board["place"] = board.knowledge_class.map(CLASSES.index).where(board.experiment != REVERSAL, 0)
     order = ["experiment", "place", "success"]
     board = board.sort_values(order, ascending=[True, True, False], kind="stable", ignore_index=True)
@@ -151,18 +151,18 @@ def table(rows: Sequence[Row], champions: pd.DataFrame) -> pd.DataFrame:
 
 def _add_best_plain(board: pd.DataFrame, champions: pd.DataFrame) -> pd.DataFrame:
     """The difference of each method with plasticity to the best without it that took as many robot-steps."""
-    found: list[dict[str, Any]] = []
+    entries: list[dict[str, Any]] = []
     for row in board.itertuples():
         plain = board[(board.experiment == row.experiment) & (board.kind == PLAIN)]
         alike = plain[(plain.robot_steps / row.robot_steps - 1).abs() <= _SAME_BUDGET]
         if row.kind == PLAIN or alike.empty:
-            found.append({"best_plain": ""})
+            entries.append({"best_plain": ""})
             continue
         best = str(alike.method[alike.success.idxmax()])
-        own, other = (_champions(champions, str(row.experiment), name) for name in (str(row.method), best))
-        against = _difference(own, other, paired=row.kind == POST_HOC and row.matched_control == best)
-        found.append({"best_plain": best} | {f"best_plain_{name}": value for name, value in against.items()})
-    return board.join(pd.DataFrame(found, index=board.index, columns=["best_plain", *_BEST_PLAIN]))
+        group, rivals = (_champions(champions, str(row.experiment), name) for name in (str(row.method), best))
+        against = _difference(group, rivals, paired=row.kind == POST_HOC and row.matched_control == best)
+        entries.append({"best_plain": best} | {f"best_plain_{name}": value for name, value in against.items()})
+    return board.join(pd.DataFrame(entries, index=board.index, columns=["best_plain", *_BEST_PLAIN]))
 
 
 def anytime(courses: pd.DataFrame) -> pd.DataFrame:
@@ -171,10 +171,10 @@ def anytime(courses: pd.DataFrame) -> pd.DataFrame:
     courses: a row for each champion and mark in its evolution, in order: robot_steps, trials, successes.
     """
     rows = []
-    for key, own in courses.groupby(["experiment", "method", "mark"], sort=False):
+    for key, group in courses.groupby(["experiment", "method", "mark"], sort=False):
         row: dict[str, Any] = dict(zip(("experiment", "method", "mark"), key, strict=True))
-        row["robot_steps"] = int(own.robot_steps.mean())
-        rows.append(row | {"champions": len(own), **_success(own, "success")})
+        row["robot_steps"] = int(group.robot_steps.mean())
+        rows.append(row | {"champions": len(group), **_success(group, "success")})
     return pd.DataFrame(rows)
 
 
@@ -208,47 +208,47 @@ def _shares(champions: pd.DataFrame) -> NDArray[np.float64]:
     return shares
 
 
-def _difference(own: pd.DataFrame, others: pd.DataFrame, *, paired: bool) -> dict[str, float]:
+def _difference(champions: pd.DataFrame, controls: pd.DataFrame, *, paired: bool) -> dict[str, float]:
     """The difference in success to the champions of another method, its interval and its p value.
 
     paired: whether they are the same champions, by their seed. That champions which evolved apart have the same seed
     makes them no pair: they are two groups.
     """
-    if others.empty:
+    if controls.empty:
         return dict.fromkeys(_DIFFERENCE, np.nan)
-    ours, theirs = _shares(own), _shares(others)
+    ours, theirs = _shares(champions), _shares(controls)
     if paired:
-        theirs = _shares(own[["seed"]].merge(others, on="seed", validate="one_to_one"))
+        theirs = _shares(champions[["seed"]].merge(controls, on="seed", validate="one_to_one"))
         low, high = bootstrap(mean, ours - theirs)
-        p = sign_flip(np.rint((ours - theirs) * own.trials.to_numpy()).astype(np.int64))
+        p = sign_flip(np.rint((ours - theirs) * champions.trials.to_numpy()).astype(np.int64))
     else:
         low, high = bootstrap(difference, ours, theirs)
-        p = permutation(own.successes.to_numpy(np.int64), others.successes.to_numpy(np.int64))
+        p = permutation(champions.successes.to_numpy(np.int64), controls.successes.to_numpy(np.int64))
     return dict(zip(_DIFFERENCE, (float(ours.mean() - theirs.mean()), low, high, p), strict=True))
 
 
-def _improvement(own: pd.DataFrame, others: pd.DataFrame) -> dict[str, float]:
+def _improvement(champions: pd.DataFrame, controls: pd.DataFrame) -> dict[str, float]:
     """The probability that a champion exceeds one of another method, with its interval."""
-    if others.empty:
+    if controls.empty:
         return dict.fromkeys(_IMPROVEMENT, np.nan)
-    groups = _shares(own), _shares(others)
+    groups = _shares(champions), _shares(controls)
     better = float(improvement(*groups)), *bootstrap(improvement, *groups)
     return dict(zip(_IMPROVEMENT, better, strict=True))
 
 
-def readable(own: pd.DataFrame, worlds: pd.DataFrame) -> Table:
+def readable(board: pd.DataFrame, worlds: pd.DataFrame) -> Table:
     """The rows of an experiment as a table to read.
 
     worlds: a row for each method and test world. Sweeps have columns of their own where there are several.
     """
-    experiment = str(own.experiment.iloc[0])
+    experiment = str(board.experiment.iloc[0])
     learning = experiment == REVERSAL
-    here, shares = worlds[worlds.experiment == experiment], pd.DataFrame(index=own.method)
-    if here.tests.nunique() > 1:
-        summed = here.groupby(["method", "tests"], sort=False)[["trials", "successes"]].sum()
-        shares = (summed.successes / summed.trials).unstack("tests")[here.tests.unique()]
+    tested, shares = worlds[worlds.experiment == experiment], pd.DataFrame(index=board.method)
+    if tested.tests.nunique() > 1:
+        summed = tested.groupby(["method", "tests"], sort=False)[["trials", "successes"]].sum()
+        shares = (summed.successes / summed.trials).unstack("tests")[tested.tests.unique()]
     rows: list[dict[str, str]] = []
-    for row in own.itertuples():
+    for row in board.itertuples():
         control = f"{interval_text(row, 'difference', '+.2f')}, p = {row.p_holm:.2g}, to {code(row.matched_control)}"
         control += f"; better with {interval_text(row, 'improvement')}"
         best = f"{interval_text(row, 'best_plain_difference', '+.2f')}, p = {row.best_plain_p_holm:.2g}"
@@ -290,12 +290,12 @@ def markdown(
     experiment. provenance: lines on the origin of the data. captions: of the figures, in order.
     """
     parts = ["# Leaderboard\n", f"{provenance}\n", _TEXTS["terms"]]
-    for experiment, own in board.groupby("experiment", sort=False):
+    for experiment, rows in board.groupby("experiment", sort=False):
         tested, where = tests[str(experiment)], _TEXTS["terms_reversal"]
         if tested:
             names = ", ".join(map(code, tested))
             where = f"Training world: {code(TRAINED[str(experiment)])}. {len(tested)} test worlds: {names}.\n"
-        parts += [f"## {title(str(experiment))}\n", where, readable(own, worlds).markdown()]
+        parts += [f"## {title(str(experiment))}\n", where, readable(rows, worlds).markdown()]
     parts += [
         "## Figures\n",
         *pictures(captions),

@@ -40,14 +40,14 @@ class Evaluated:
     sha256: str  # of the genes of its genome
     ids: Mapping[str, str]  # for each controller, a digest of all that its lifetimes depend on but side, repeat, seed
     rows: pd.DataFrame  # its lifetimes, with the columns of `metrics.csv`
-    place: Mapping[str, str] = field(default_factory=dict)  # more columns, before all others
+    labels: Mapping[str, str] = field(default_factory=dict)  # more columns, before all others
     config: Mapping[str, Any] = field(default_factory=dict)  # all settings by key, also what its champion brings along
 
 
 class Gathered(NamedTuple):
     """The lifetimes of many evaluations.
 
-    rows: one row a lifetime: `Evaluated.place`, a column for each key without a column of its own, `COLUMNS`. The keys
+    rows: one row a lifetime: `Evaluated.labels`, a column for each key without a column of its own, `COLUMNS`. The keys
     are those of `Evaluated.settings`, and those of `Evaluated.config` that alone tell conditions apart.
     settings: the columns that name the condition of a row.
     """
@@ -62,29 +62,29 @@ def gather(evaluations: Sequence[Evaluated]) -> Gathered:
     Two lifetimes are the same if genes, world, controller, side, repeat and seed are the same. The GA has the same
     lifetimes beside every plasticity: they have one row each, with `ANY` for the settings of plasticity.
     """
-    given = dict.fromkeys(key for one in evaluations for key in one.settings if key not in _NO_CONDITION)
-    given |= dict.fromkeys(_brought(evaluations))
-    keys = [key for key in given if not key.startswith("~")]  # what is left out has no value
+    all_keys = dict.fromkeys(key for run in evaluations for key in run.settings if key not in _NO_CONDITION)
+    all_keys |= dict.fromkeys(_brought(evaluations))
+    keys = [key for key in all_keys if not key.startswith("~")]  # what is left out has no value
     more = [key for key in keys if key not in OWN_COLUMN]
-    place = list(evaluations[0].place) if evaluations else []
+    labels = list(evaluations[0].labels) if evaluations else []
     names, frames = _names(evaluations), []
     changes = defaultdict[str, set[str]](set)
-    for one in evaluations:
-        if "change" in one.rows:
-            changes[one.rows.change.iloc[0]].add(str(one.config.get("environment.changes")))
-    for one in evaluations:
-        values = {key: str(value) for key, value in one.config.items()} | dict(one.settings)
-        first = {**one.place, **{_column(key): values.get(key, "") for key in more}}
-        frame = pd.concat([pd.DataFrame(first, index=one.rows.index), one.rows], axis=1)
-        frame["genome"] = names[_world_name(one), one.sha256]
+    for run in evaluations:
+        if "change" in run.rows:
+            changes[run.rows.change.iloc[0]].add(str(run.config.get("environment.changes")))
+    for run in evaluations:
+        values = {key: str(value) for key, value in run.config.items()} | dict(run.settings)
+        first = {**run.labels, **{_column(key): values.get(key, "") for key in more}}
+        frame = pd.concat([pd.DataFrame(first, index=run.rows.index), run.rows], axis=1)
+        frame["genome"] = names[_world_name(run), run.sha256]
         if "change" in frame and len(changes[frame.change.iloc[0]]) > 1:  # functions of one name, in two files
-            frame["change"] = str(one.config["environment.changes"])
+            frame["change"] = str(run.config["environment.changes"])
         for column in (_column(key) for key in keys if is_of_plasticity(key) and key != "hebbian.N"):
             alone = frame.controller == GA
             frame[column] = [ANY if is_alone else value for is_alone, value in zip(alone, frame[column], strict=True)]
-        frames.append(frame.assign(_id=frame.controller.map(one.ids)))
+        frames.append(frame.assign(_id=frame.controller.map(run.ids)))
     if not frames:
-        return Gathered(pd.DataFrame(columns=[*place, *map(_column, more), *COLUMNS]), [])
+        return Gathered(pd.DataFrame(columns=[*labels, *map(_column, more), *COLUMNS]), [])
     whole = pd.concat(frames, ignore_index=True)
     again = whole.duplicated([name for name in _LIFETIME if name in whole])  # an environment has no sides
     rows = whole[~again].drop(columns="_id").reset_index(drop=True)
@@ -98,19 +98,19 @@ def _brought(evaluations: Sequence[Evaluated]) -> list[str]:
     keys of a controller where its name is the same, too.
     """
     first: dict[Any, str] = {}
-    found: dict[str, None] = {}
+    brought: dict[str, None] = {}
     left_out = (*_NO_CONDITION, *_OF_EVOLUTION)
-    every = dict.fromkeys(key for one in evaluations for key in one.config)
+    every = dict.fromkeys(key for run in evaluations for key in run.config)
     keys = [key for key in every if not key.startswith(left_out)]
-    for one in evaluations:
-        typed = tuple(sorted((k, str(v)) for k, v in one.settings.items() if k not in ("genome", *_NO_CONDITION)))
-        names = one.rows.controller.unique()
+    for run in evaluations:
+        typed = tuple(sorted((k, str(v)) for k, v in run.settings.items() if k not in ("genome", *_NO_CONDITION)))
+        names = run.rows.controller.unique()
         for key in keys:
-            value = str(one.config.get(key, ""))
+            value = str(run.config.get(key, ""))
             for name in names if is_of_controller(key) else [""]:
-                if first.setdefault((typed, _world_name(one), name, key), value) != value:
-                    found[key] = None
-    return list(found)
+                if first.setdefault((typed, _world_name(run), name, key), value) != value:
+                    brought[key] = None
+    return list(brought)
 
 
 def numeric(rows: pd.DataFrame) -> pd.DataFrame:
@@ -119,9 +119,9 @@ def numeric(rows: pd.DataFrame) -> pd.DataFrame:
     return rows.assign(**{name: pd.to_numeric(rows[name]) for name in names})
 
 
-def _world_name(one: Evaluated) -> str:
+def _world_name(run: Evaluated) -> str:
     """The experiment of an evaluation, or its environment."""
-    return str(one.rows["environment" if "environment" in one.rows else "experiment"].iloc[0])
+    return str(run.rows["environment" if "environment" in run.rows else "experiment"].iloc[0])
 
 
 def _column(key: str) -> str:
@@ -142,8 +142,8 @@ def is_of_controller(key: str) -> bool:
 def _names(evaluations: Sequence[Evaluated]) -> dict[tuple[str, str], str]:
     """A name for each genome, by experiment or environment and SHA-256: its first name, and that where two share it."""
     names: dict[tuple[str, str], str] = {}
-    for one in evaluations:
-        names.setdefault((_world_name(one), one.sha256), one.rows.genome.iloc[0])
+    for run in evaluations:
+        names.setdefault((_world_name(run), run.sha256), run.rows.genome.iloc[0])
     shared = Counter((experiment, name) for (experiment, _), name in names.items())
     return {
         (experiment, sha256): name if shared[experiment, name] == 1 else f"{name}_{sha256[:8]}"

@@ -24,7 +24,7 @@ class Arrival(NamedTuple):
 
     @property
     def text(self) -> str:
-        """In a few words."""
+        """How the lifetime ended, in a few words."""
         if self.stayed or self.wrong:
             return "at the goal" if self.stayed else "at the wrong goal"
         return "did not arrive" if self.time is None else "was at the goal, drove on"
@@ -32,8 +32,8 @@ class Arrival(NamedTuple):
 
 def change_text(change: Mapping[str, Any]) -> str:
     """A change of a scenario, without its time: `light=1.0, obstacles=4`."""
-    own = {key: list(value) if isinstance(value, tuple) else value for key, value in change.items() if key != "at_s"}
-    return ", ".join(f"{key}={value}" for key, value in own.items())
+    values = {key: list(value) if isinstance(value, tuple) else value for key, value in change.items() if key != "at_s"}
+    return ", ".join(f"{key}={value}" for key, value in values.items())
 
 
 def timed_change_text(change: Mapping[str, Any]) -> str:
@@ -68,6 +68,6 @@ def arrival(samples: Samples, scenario: Scenario, side: Side) -> Arrival:
     for end in SIDES:
         goals = np.array([world.goals_now[end] for _, world in scenario.phases])[np.maximum(phases, 0)]
         inside[end] = np.hypot(*(samples.pose[:, :2] - goals).T) < scenario.maze.goal_radius_m
-    own, (other,) = inside.pop(side), inside.values()
-    time = float(samples.time[own.argmax()]) if own.any() else None
-    return Arrival(time, bool(own[-1]), bool(other[-1] and not own[-1]))
+    at_goal, (at_other_goal,) = inside.pop(side), inside.values()
+    time = float(samples.time[at_goal.argmax()]) if at_goal.any() else None
+    return Arrival(time, bool(at_goal[-1]), bool(at_other_goal[-1] and not at_goal[-1]))

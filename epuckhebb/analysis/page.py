@@ -30,9 +30,9 @@ img { max-width: 100%; height: auto; background: #fff; border-radius: 4px; } cod
 def filled(template: Path) -> tuple[str, str, str]:
     """The text of a template with the files that pages share in their places; its style and its script."""
 
-    def part(place: re.Match[str]) -> str:
-        folders = (folder for folder in (template.parent, _HERE) if (folder / place[1]).is_file())
-        return (next(folders) / place[1]).read_text(encoding="utf-8")
+    def part(mark: re.Match[str]) -> str:
+        folders = (folder for folder in (template.parent, _HERE) if (folder / mark[1]).is_file())
+        return (next(folders) / mark[1]).read_text(encoding="utf-8")
 
     text = _PART.sub(part, template.read_text(encoding="utf-8"))
     style, script = (re.findall(f"<{tag}>(.*?)</{tag}>", text, re.DOTALL)[0] for tag in ("style", "script"))

@@ -35,8 +35,8 @@ class PaperTable:
         for row in metrics:
             groups.setdefault((row["controller"], row["side"]), []).append(row)
         means = {
-            place: {metric: mean(row[column] for row in rows) for metric, column in METRICS.items()}
-            for place, rows in groups.items()
+            key: {metric: mean(row[column] for row in rows) for metric, column in METRICS.items()}
+            for key, rows in groups.items()
         }
         for (controller, _), column in means.items():
             if controller == GA:
@@ -47,7 +47,7 @@ class PaperTable:
     def rows(self) -> Rows:
         """The rows of `table.csv`: metric, then `<controller> <side>` for each column."""
         return [
-            {"metric": metric, **{" ".join(place): column[metric] for place, column in self.means.items()}}
+            {"metric": metric, **{" ".join(key): column[metric] for key, column in self.means.items()}}
             for metric in METRICS
         ]
 
@@ -56,21 +56,21 @@ class PaperTable:
         rows = [
             [f"**{metric}**", *(text(metric, column[metric]) for column in self.means.values())] for metric in METRICS
         ]
-        return Table(["", *(plain(" ".join(place)) for place in self.means)], rows, numbers=True).markdown()
+        return Table(["", *(plain(" ".join(key)) for key in self.means)], rows, numbers=True).markdown()
 
     def readable(self, title: str = "") -> Table:
         """The table for the terminal, transposed: a row for each controller and side, a column for each metric."""
         rows = [
-            (*map(plain, place), *(text(metric, value) for metric, value in column.items()))
-            for place, column in self.means.items()
+            (*map(plain, key), *(text(metric, value) for metric, value in column.items()))
+            for key, column in self.means.items()
         ]
         return Table(["controller", "side", *METRICS], rows, title, text=2)
 
 
 def mean(values: Iterable[float | None]) -> float:
     """The mean of the values that are there, nan of none; its sum is rounded once, so no digit depends on a library."""
-    known = [value for value in values if value is not None and not math.isnan(value)]
-    return math.fsum(known) / len(known) if known else math.nan
+    numbers = [value for value in values if value is not None and not math.isnan(value)]
+    return math.fsum(numbers) / len(numbers) if numbers else math.nan
 
 
 def text(metric: str, value: float) -> str:

@@ -41,8 +41,8 @@ def published_success(tables: Mapping[str, Any]) -> pd.DataFrame:
         for cell in tables["success_elsewhere"]
         for side in SIDES
     }
-    known = [elsewhere.get(tuple(row[name] for name in CELL), row["success"]) for _, row in values.iterrows()]
-    return values.assign(success=np.array(known, float))[["experiment", *CELL, "success"]]
+    success = [elsewhere.get(tuple(row[name] for name in CELL), row["success"]) for _, row in values.iterrows()]
+    return values.assign(success=np.array(success, float))[["experiment", *CELL, "success"]]
 
 
 def compare(published: pd.DataFrame, each: pd.DataFrame, showcase: Mapping[str, str]) -> pd.DataFrame:
@@ -52,8 +52,8 @@ def compare(published: pd.DataFrame, each: pd.DataFrame, showcase: Mapping[str, 
     """
     rows = []
     for _, cell in published[published.experiment.isin(list(showcase))].iterrows():
-        here = _cell_trials(each, cell).set_index("genome")
-        values = here[cell.metric] if cell.metric in here else here.path_length_m / _DURATION_S[cell.experiment]
+        trials = _cell_trials(each, cell).set_index("genome")
+        values = trials[cell.metric] if cell.metric in trials else trials.path_length_m / _DURATION_S[cell.experiment]
         ours = float(values.get(showcase[cell.experiment], np.nan))
         if cell.metric == "weight_change_mean" and cell.controller == GA:
             continue

@@ -102,7 +102,7 @@ def fill_page(template: Path, title: str, content: Mapping[str, Any], notes: Seq
         "notes": "".join(f"<p>{html.escape(note)}</p>" for note in notes),
         "data": json.dumps(content, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c"),
     }
-    return re.sub(r"\{\{(\w+)\}\}", lambda place: filling[place[1]], text)
+    return re.sub(r"\{\{(\w+)\}\}", lambda mark: filling[mark[1]], text)
 
 
 def fixed_facts(scenario: Scenario, network: Network, gain_rad_s: float, controllers: Sequence[str]) -> dict[str, Any]:
@@ -162,7 +162,7 @@ def world_facts(world: Scenario) -> dict[str, Any]:
 
 def _placed(places: Sequence[Place]) -> list[list[float]]:
     """Sensors as x, y [m] and azimuth [rad], in the robot's frame."""
-    return [[place.x, place.y, math.radians(place.azimuth)] for place in places]
+    return [[sensor.x, sensor.y, math.radians(sensor.azimuth)] for sensor in places]
 
 
 def _embedded(samples: Samples, initial: NDArray[np.float32], every: int) -> dict[str, Any]:

@@ -129,7 +129,7 @@ def make_tables(metrics: pd.DataFrame, paper: Mapping[str, Any]) -> dict[str, pd
     each = findings.trials(metrics)
     by_champion = findings.rescue_by_champion(each)
     doses = summary.dose_response(metrics.assign(changed=""), ["N"])
-    shown = {one: name for one, (name, *_) in showcases(each, paper).items()}
+    shown = {experiment: name for experiment, (name, *_) in showcases(each, paper).items()}
     return {
         "metrics": metrics,
         "trials": each,
@@ -148,7 +148,7 @@ def showcases(each: pd.DataFrame, paper: Mapping[str, Any]) -> dict[str, tuple[s
     each: the trials. paper: the published tables.
     """
     success = published.published_success(paper)
-    return {one: claims.showcase(each, success, one) for one in each.experiment.unique()}
+    return {experiment: claims.showcase(each, success, experiment) for experiment in each.experiment.unique()}
 
 
 def make_figures(
@@ -175,26 +175,28 @@ def make_figures(
 
     maze = figures.maze(world("4obstacles")[0])
     add("maze", maze, "The maze: robot at the start, lamp, goals with their 5 cm circles, four obstacles (brown).")
-    for one, (name, genes) in shown.items():
-        plastic, recorded = hebbian(PAPER_N[one], signals[one]), dict[str, dict[str, Samples]]()
-        at_rate = f"{name}, N = {PAPER_N[one]:g}"
-        for place in worlds(one):
-            scenario, lifetime = world(place)
+    for experiment, (name, genes) in shown.items():
+        plastic, recorded = hebbian(PAPER_N[experiment], signals[experiment]), dict[str, dict[str, Samples]]()
+        at_rate = f"{name}, N = {PAPER_N[experiment]:g}"
+        for world_name in worlds(experiment):
+            scenario, lifetime = world(world_name)
             _, traces = evaluate(genes, scenario, [plastic], lifetime, repeats=1, seed=seed, name=name)
-            drawn = figures.trajectories(traces, scenario, f"{place}, {at_rate}, one lifetime a side")
-            add(f"trajectories_{place}", drawn, f"{place}: trajectories of {at_rate}, one lifetime a side.")
-            recorded[place] = traces.side_samples(HEBBIAN)
-        changed = {place: recorded[place] for place in findings.CHANGED[one]}
-        against, last = "light" if one == "light" else "proximity", findings.CHANGED[one][-1]
+            drawn = figures.trajectories(traces, scenario, f"{world_name}, {at_rate}, one lifetime a side")
+            add(f"trajectories_{world_name}", drawn, f"{world_name}: trajectories of {at_rate}, one lifetime a side.")
+            recorded[world_name] = traces.side_samples(HEBBIAN)
+        changed = {world_name: recorded[world_name] for world_name in findings.CHANGED[experiment]}
+        against, last = "light" if experiment == "light" else "proximity", findings.CHANGED[experiment][-1]
         drawn = charts.weight_change(changed, against, at_rate)
-        add(f"weight_change_{one}", drawn, f"{one}: weight change between samples against {against}, {at_rate}.")
+        caption = f"{experiment}: weight change between samples against {against}, {at_rate}."
+        add(f"weight_change_{experiment}", drawn, caption)
         drawn = charts.weights(genes, recorded[last], plastic.rule.w_max, f"{last}, {at_rate}")
-        add(f"weights_{one}", drawn, f"{last}: each weight of {at_rate} before and at the end of a lifetime.")
+        add(f"weights_{experiment}", drawn, f"{last}: each weight of {at_rate} before and at the end of a lifetime.")
         if histories and "doses" in tables:
             doses = tables["doses"]
-            own = doses[doses.condition.isin([f"{place}: {HEBBIAN}" for place in worlds(one)])]
-            caption = f"{one}: success, weight change and saturated weights against N (n = {len(histories[one])})."
-            add(f"dose_response_{one}", charts.dose_response(own), caption)
+            chosen = doses[doses.condition.isin([f"{world_name}: {HEBBIAN}" for world_name in worlds(experiment)])]
+            n = len(histories[experiment])
+            caption = f"{experiment}: success, weight change and saturated weights against N (n = {n})."
+            add(f"dose_response_{experiment}", charts.dose_response(chosen), caption)
     if histories:
         caption = "Rescued and harmed trials of each changed world at the paper's rates, with 95 % intervals."
         rows = (_paper_rates(tables[name]) for name in ("rescue_over_all", "rescue_and_harm"))
@@ -223,8 +225,8 @@ def _claim_numbers(row: Any) -> list[str]:
     if np.isnan(row.paper_effect):
         return [interval_text(row, "share"), interval_text(row, "control_share")]
     names = ("effect", "paper_effect", "control_effect")
-    own, paper, control = (interval_text(row, name, "+.1f", " %") for name in names)
-    return [f"{own} ({paper})", control]
+    ours, paper, control = (interval_text(row, name, "+.1f", " %") for name in names)
+    return [f"{ours} ({paper})", control]
 
 
 def _paper_rates(table: pd.DataFrame) -> pd.DataFrame:
@@ -234,9 +236,9 @@ def _paper_rates(table: pd.DataFrame) -> pd.DataFrame:
 
 def success_table(success: pd.DataFrame) -> Table:
     """Success at the paper's rates, a row for each scenario and controller."""
-    own = _paper_rates(success[success.controller.isin([GA, *CONTROLS.values()])])
-    rows = []
-    for (experiment, scenario, controller), group in own.groupby(["experiment", "scenario", "controller"], sort=False):
+    shown = _paper_rates(success[success.controller.isin([GA, *CONTROLS.values()])])
+    rows, key = [], ["experiment", "scenario", "controller"]
+    for (experiment, scenario, controller), group in shown.groupby(key, sort=False):
         sides = group.set_index("side")
         cells = [
             f"{sides.successes[side]} of {sides.n[side]}: {interval_text(sides.loc[side], 'share')}; "
@@ -244,7 +246,7 @@ def success_table(success: pd.DataFrame) -> Table:
             for side in ("left", "right", "both")
         ]
         rows.append([experiment, scenario, rescue.label(controller, group.N.iloc[0]), *cells])
-    return Table(["experiment", "scenario", "controller", "left", "right", "both sides"], rows)
+    return Table([*key, "left", "right", "both sides"], rows)
 
 
 def rescue_table(harm: pd.DataFrame) -> Table:

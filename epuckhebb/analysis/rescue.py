@@ -49,26 +49,26 @@ def markdown(over_all: "pd.DataFrame", by_scenario: "pd.DataFrame", champions: i
         f"{champions} champions of each experiment, {names}. {trial(repeats)} {COUNTED} Intervals are 95 %, over "
         "champions; fewer than six have none.\n",
     ]
-    for experiment, own in over_all.groupby("experiment", sort=False):
-        own_scenarios, training = by_scenario[by_scenario.experiment == experiment], TRAINED[str(experiment)]
-        changes = ", ".join(plain(name) for name in own_scenarios.scenario.unique() if name != training)
+    for experiment, totals in over_all.groupby("experiment", sort=False):
+        scenarios, training = by_scenario[by_scenario.experiment == experiment], TRAINED[str(experiment)]
+        changes = ", ".join(plain(name) for name in scenarios.scenario.unique() if name != training)
         parts += [
             f"## The {experiment} experiment\n",
             f"Training world: {training}. Changed worlds: {changes}.\n",
-            totals_table(own).markdown(),
+            totals_table(totals).markdown(),
             "### Each world: rescued/wrong end/broken, harmed/intact\n",
-            _scenario_table(own_scenarios).markdown(),
+            _scenario_table(scenarios).markdown(),
         ]
     return "\n".join(parts)
 
 
-def totals_table(own: "pd.DataFrame") -> Table:
-    """Rescue and harm of each plasticity over all changed worlds. own: the rows of one experiment."""
+def totals_table(totals: "pd.DataFrame") -> Table:
+    """Rescue and harm of each plasticity over all changed worlds. totals: the rows of one experiment."""
     rows = [
         [plain(label(row.controller, row.N)), *counts(row), f"{row.training_harmed} of {row.training_solved}"]
-        for row in own.itertuples()
+        for row in totals.itertuples()
     ]
-    title = f"The {own.experiment.iloc[0]} experiment (95 % interval over champions)"
+    title = f"The {totals.experiment.iloc[0]} experiment (95 % interval over champions)"
     return Table(["plasticity", RESCUED, ENDS, HARMED, "harmed in the training world"], rows, title)
 
 
@@ -82,14 +82,14 @@ def counts(row: Any) -> list[str]:
     return cells
 
 
-def _scenario_table(own: "pd.DataFrame") -> Table:
+def _scenario_table(table: "pd.DataFrame") -> Table:
     """A cell for each plasticity and scenario; the longer of the two lists goes down the page."""
-    own = own.assign(
-        plasticity=[plain(label(row.controller, row.N)) for row in own.itertuples()],
-        scenario=own.scenario.map(plain),
-        cell=[f"{row.rescued}/{row.broken_wrong}/{row.broken}, {row.harmed}/{row.intact}" for row in own.itertuples()],
+    rows = list(table.itertuples())
+    cells = table.assign(
+        plasticity=[plain(label(row.controller, row.N)) for row in rows],
+        scenario=table.scenario.map(plain),
+        cell=[f"{row.rescued}/{row.broken_wrong}/{row.broken}, {row.harmed}/{row.intact}" for row in rows],
     )
-    down, across = sorted(("plasticity", "scenario"), key=lambda name: own[name].nunique(), reverse=True)
-    cells = own.set_index([down, across]).cell.unstack(across)[own[across].unique()].loc[own[down].unique()]
-    rows = [[str(name), *row] for name, row in zip(cells.index, cells.to_numpy(), strict=True)]
-    return Table([down, *cells.columns], rows)
+    across, down = sorted(("scenario", "plasticity"), key=lambda name: cells[name].nunique())
+    grid = cells.pivot(index=down, columns=across, values="cell").loc[cells[down].unique(), cells[across].unique()]
+    return Table([down, *grid], [[str(name), *row] for name, row in zip(grid.index, grid.to_numpy(), strict=True)])

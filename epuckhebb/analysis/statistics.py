@@ -116,8 +116,8 @@ def sign_flip(differences: NDArray[Any]) -> float:
     Args:
         differences: one for each champion, (champions,).
     """
-    own = _exact(differences[differences != 0])
-    least, sizes = _least(own, len(own)), np.abs(own)
+    signed = _exact(differences[differences != 0])
+    least, sizes = _least(signed, len(signed)), np.abs(signed)
     if not _is_countable(sizes, 2 ** len(sizes)):
         return _monte_carlo(lambda rng, n: rng.choice([-1, 1], (n, len(sizes))) @ sizes, len(sizes), least)
     ways = Counter({0: 1})
@@ -143,17 +143,18 @@ def permutation(ours: NDArray[Any], others: NDArray[Any]) -> float:
 
     ours, others: one number for each champion, (champions,) each.
     """
-    both = _exact(np.concatenate([ours, others])) * (len(ours) + len(others))
-    both -= both.sum() // len(both) if both.dtype.kind == "i" else both.mean()  # a sum is its distance from the middle
-    least = _least(both, len(ours))
-    if not _is_countable(both, math.comb(len(both), len(ours))):
+    values = _exact(np.concatenate([ours, others])) * (len(ours) + len(others))
+    # A sum of these is its distance from the middle.
+    values -= values.sum() // len(values) if values.dtype.kind == "i" else values.mean()
+    least = _least(values, len(ours))
+    if not _is_countable(values, math.comb(len(values), len(ours))):
 
         def draw(rng: np.random.Generator, n: int) -> NDArray[np.float64]:
-            return np.asarray(rng.permuted(np.tile(both, (n, 1)), axis=1)[:, : len(ours)].sum(axis=1))
+            return np.asarray(rng.permuted(np.tile(values, (n, 1)), axis=1)[:, : len(ours)].sum(axis=1))
 
-        return _monte_carlo(draw, len(both), least)
+        return _monte_carlo(draw, len(values), least)
     ways: dict[int, Counter[int]] = {0: Counter({0: 1})}  # size of the first group: its sum: how many divisions
-    for value in both.tolist():
+    for value in values.tolist():
         for size in sorted(ways, reverse=True):
             if size < len(ours):
                 larger = ways.setdefault(size + 1, Counter())
@@ -227,20 +228,20 @@ def bootstrap(
     Returns:
         Lower and upper end; (nan, nan) if a group has fewer than `LEAST` values, or if all agree.
     """
-    known = [values[~np.isnan(values)] for values in groups]
-    if min(map(len, known)) < LEAST:
+    samples = [values[~np.isnan(values)] for values in groups]
+    if min(map(len, samples)) < LEAST:
         return _UNKNOWN
-    if all(np.ptp(values) == 0 for values in known):
+    if all(np.ptp(values) == 0 for values in samples):
         return _UNKNOWN
-    found = []
-    for part, n in enumerate(_portions(math.prod(map(len, known)))):
+    resampled = []
+    for part, n in enumerate(_portions(math.prod(map(len, samples)))):
         if statistic is mean:  # a table may have a thousand of these, all with the same resamples
-            (values,) = known
-            found.append(_counts(len(values), n, seed, part) @ values / len(values))
+            (values,) = samples
+            resampled.append(_counts(len(values), n, seed, part) @ values / len(values))
         else:
             rng = random.rng(seed, Stream.bootstrap, part)
-            found.append(statistic(*(values[rng.integers(0, len(values), (n, len(values)))] for values in known)))
-    low, high = np.percentile(np.concatenate(found), percentiles)
+            resampled.append(statistic(*(values[rng.integers(0, len(values), (n, len(values)))] for values in samples)))
+    low, high = np.percentile(np.concatenate(resampled), percentiles)
     return (float(low), float(high)) if low < high else _UNKNOWN
 
 

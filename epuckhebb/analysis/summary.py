@@ -37,13 +37,13 @@ def summary(rows: pd.DataFrame, settings: list[str]) -> pd.DataFrame:
     by = list(dict.fromkeys([*settings, "genome", "scenario", "controller", "N", "side"]))
     means = [*MEANS, *([_REWARDED] if has_trials(rows) else [])]
     rows = rows.assign(**{name: pd.to_numeric(rows[name]) for name in ("success", *means)})
-    found: list[dict[str, Any]] = []
+    entries: list[dict[str, Any]] = []
     for condition, lifetimes in rows.groupby(by, sort=False):
         successes, n = int(lifetimes.success.sum()), len(lifetimes)
         row = dict(zip([*by, *_SUCCESS], (*condition, n, successes / n, *wilson(successes / n, n)), strict=True))
         row["n_reached"] = int(lifetimes.time_to_goal_s.notna().sum())
-        found.append(row | lifetimes[means].mean().to_dict())
-    return pd.DataFrame(found) if found else pd.DataFrame(columns=[*by, *_SUCCESS])
+        entries.append(row | lifetimes[means].mean().to_dict())
+    return pd.DataFrame(entries) if entries else pd.DataFrame(columns=[*by, *_SUCCESS])
 
 
 def has_champions(rows: pd.DataFrame) -> bool:
@@ -60,9 +60,9 @@ def champion_means(rows: pd.DataFrame, settings: list[str]) -> pd.DataFrame:
     by = list(dict.fromkeys([*(key for key in settings if key != "genome"), "scenario", "controller", "N", "side"]))
     return pd.DataFrame(
         dict(zip(by, condition, strict=True))
-        | _means(own)
-        | own.groupby("genome", sort=False)[[*_SIZES]].mean().mean().to_dict()
-        for condition, own in numeric(rows).groupby(by, sort=False)
+        | _means(group)
+        | group.groupby("genome", sort=False)[[*_SIZES]].mean().mean().to_dict()
+        for condition, group in numeric(rows).groupby(by, sort=False)
     )
 
 
@@ -102,26 +102,27 @@ def dose_response(rows: pd.DataFrame, settings: list[str]) -> pd.DataFrame | Non
     differ = [key for key in settings if key not in ("N", "genome") and plastic[key].nunique() > 1]
     world = list(dict.fromkeys(["scenario", "changed", *(key for key in differ if not is_of_plasticity(key))]))
     by = list(dict.fromkeys([*world, *differ, "controller"]))
-    found = []
-    for condition, own in plastic.groupby(by, sort=False):
-        place = dict(zip(by, condition, strict=True))
-        alone = rows[(rows.controller == GA) & (rows[world] == [place[key] for key in world]).all(axis=1)]
-        title = f"{', '.join(_described(place, differ))}: {place['controller']}"
-        for (controller, rate, side), cell in pd.concat([alone, own]).groupby(["controller", "N", "side"], sort=False):
+    entries = []
+    for condition, group in plastic.groupby(by, sort=False):
+        labels = dict(zip(by, condition, strict=True))
+        alone = rows[(rows.controller == GA) & (rows[world] == [labels[key] for key in world]).all(axis=1)]
+        title = f"{', '.join(_described(labels, differ))}: {labels['controller']}"
+        cells = pd.concat([alone, group]).groupby(["controller", "N", "side"], sort=False)
+        for (controller, rate, side), cell in cells:
             row = {"condition": title, "controller": controller, "N": rate, "side": side}
             row["genome"] = "" if several else cell.genome.iloc[0]
-            found.append(row | _means(cell, several=several))
-    return pd.DataFrame(found)
+            entries.append(row | _means(cell, several=several))
+    return pd.DataFrame(entries)
 
 
-def _described(place: dict[str, Any], differ: list[str]) -> Iterator[str]:
+def _described(labels: dict[str, Any], differ: list[str]) -> Iterator[str]:
     """The parts of the name of a condition: its world, what is changed there, and other settings."""
-    yield place["scenario"]
-    changed = list(filter(None, place["changed"].split(", ")))
+    yield labels["scenario"]
+    changed = list(filter(None, labels["changed"].split(", ")))
     yield from changed
     for key in differ:
-        if key not in ("scenario", "light", "obstacles") and f"{key}={place[key]}" not in changed:
-            yield f"{key}={place[key]}"
+        if key not in ("scenario", "light", "obstacles") and f"{key}={labels[key]}" not in changed:
+            yield f"{key}={labels[key]}"
 
 
 def rescue_and_harm(rows: pd.DataFrame) -> tuple[dict[str, pd.DataFrame], str] | None:
@@ -155,45 +156,52 @@ def readable(tables: Mapping[str, pd.DataFrame]) -> list[Table]:
     """
     harm = []
     if "rescue_over_all" in tables:
-        harm = [rescue.totals_table(own) for _, own in tables["rescue_over_all"].groupby("experiment", sort=False)]
+        harm = [rescue.totals_table(shown) for _, shown in tables["rescue_over_all"].groupby("experiment", sort=False)]
     if "over_champions" in tables:
-        own = tables["over_champions"].rename(columns={"champions": "n"})
-        success = _success_table(own, "mean over {} champions", " over champions")
+        shown = tables["over_champions"].rename(columns={"champions": "n"})
+        success = _success_table(shown, "mean over {} champions", " over champions")
     else:
-        own = tables["summary"].rename(columns={f"success_noise_{end}": f"success_{end}" for end in ("low", "high")})
-        success = _success_table(own, "{} lifetimes each", ": noise only, this champion")
+        shown = tables["summary"].rename(columns={f"success_noise_{end}": f"success_{end}" for end in ("low", "high")})
+        success = _success_table(shown, "{} lifetimes each", ": noise only, this champion")
     at_end = ends.readable(tables["ends"]) if "ends" in tables else []
-    return harm if harm and len(own) > _MOST else [*success, *at_end, *harm]
+    return harm if harm and len(shown) > _MOST else [*success, *at_end, *harm]
+
+
+def _differing(summary: pd.DataFrame) -> list[str]:
+    """The columns that differ between the conditions of a table, which stand before `n`; `controller` is the last.
+
+    Rows without plasticity do not count. Of columns that tell the same conditions apart there is one, the last of them:
+    a genome is known by its name.
+    """
+    plastic = summary[summary.controller != GA] if (summary.controller != GA).any() else summary
+    names = [name for name in summary.columns[: summary.columns.get_loc("n")] if name not in ("controller", "side")]
+    differ = [name for name in names if plastic[name].nunique() > 1]
+    return [*{tuple(plastic[name].factorize()[0]): name for name in differ}.values(), "controller"]
 
 
 def _success_table(summary: pd.DataFrame, of: str, interval_is: str) -> list[Table]:
     """A row for each condition and controller, named by what differs between them; no table without rows.
 
-    summary: up to `n`, columns that tell conditions apart. of: what the n counts. interval_is: what it is about.
+    of: what the n counts. interval_is: what it is about.
     """
     if summary.empty:
         return []
-    conditions = list(summary.columns[: summary.columns.get_loc("n")])
-    of_plasticity = summary[summary.controller != GA] if (summary.controller != GA).any() else summary
-    differ = [name for name in conditions if name == "controller" or of_plasticity[name].nunique() > 1]
-    apart = ("controller", "side")  # two controllers may have the same of all else
-    alike = {tuple(of_plasticity[name].factorize()[0]): name for name in differ if name not in apart}
-    shown = [*alike.values(), "controller"]  # of columns that tell the same, the last: a genome is known by its name
+    shown = _differing(summary)
     same = summary.n.nunique() == 1
     rewarded = has_trials(summary)
     name, form = (_REWARDED, ".3f") if rewarded else ("success", ".2f")
     rows: dict[tuple[str, ...], dict[str, str]] = {}
     for row in summary.to_dict("records"):
-        place = tuple(plain(_cell(row[name])) for name in shown)
+        labels = tuple(plain(_cell(row[name])) for name in shown)
         count = "" if same else f" of {row['n']}"
-        rows.setdefault(place, {})[row["side"]] = interval_text(pd.Series(row), name, form) + count
+        rows.setdefault(labels, {})[row["side"]] = interval_text(pd.Series(row), name, form) + count
     facts = [of.format(summary.n.iloc[0])] if same else []
     if f"{name}_low" in summary:
         is_known = summary[f"{name}_low"].notna().any()
         facts.append(f"95 % interval{interval_is}" if is_known else f"fewer than {LEAST} have no interval")
     title = "Rewarded share, by the end that is rewarded first" if rewarded else "Success"
     headings = [*shown, *(side if rewarded else f"success, {side}" for side in SIDES)]
-    cells = [[*place, *(values.get(side, "") for side in SIDES)] for place, values in rows.items()]
+    cells = [[*labels, *(values.get(side, "") for side in SIDES)] for labels, values in rows.items()]
     return [Table(headings, cells, f"{title} ({'; '.join(facts)})" if facts else title, text=len(shown))]
 
 

@@ -33,10 +33,11 @@ class Table:
         lines = (self.headings, rule, *self.rows)
         return "".join(f"| {' | '.join(cell.replace('|', BAR) for cell in line)} |\n" for line in lines)
 
-    def only(self, *columns: int, text: int = 1) -> "Table":
-        """The table with these columns alone. text: how many of them hold text."""
+    def only(self, *headings: str, text: int = 1) -> "Table":
+        """The table with these columns alone, in this order. text: how many of them hold text."""
+        columns = [list(self.headings).index(heading) for heading in headings]
         rows = [[row[column] for column in columns] for row in self.rows]
-        return Table([self.headings[column] for column in columns], rows, self.title, text)
+        return Table(headings, rows, self.title, text)
 
 
 def interval_text(row: Any, name: str, form: str = ".2f", unit: str = "") -> str:
@@ -58,7 +59,7 @@ def rates(of: Sequence[tuple[str, float]]) -> str:
 
     of: the name of each controller and its N; a name may come several times.
     """
-    named = {rate: [name for name, own in dict.fromkeys(of) if own == rate] for _, rate in of if rate > 0}
+    named = {rate: [name for name, value in dict.fromkeys(of) if value == rate] for _, rate in of if rate > 0}
     if len(named) < 2:
         return "".join(f"N = {rate:g}" for rate in named)
     return "N = " + ", ".join(f"{rate:g} ({', '.join(names)})" for rate, names in named.items())

@@ -37,7 +37,8 @@ def print_evaluation(run: Run, console: Console) -> None:
     elif run.has("reversal.csv"):
         from epuckhebb.analysis import reversal  # pandas takes a while to load
 
-        _print(reversal.readable(run.table("reversal.csv"), _title(metrics)).only(0, 1, 2), console)
+        table = reversal.readable(run.table("reversal.csv"), _title(metrics))
+        _print(table.only("", "rewarded share", "95 % interval"), console)
     else:
         _print(PaperTable.from_rows(metrics).readable(_title(metrics)), console)
         if saturated := saturation(metrics):

@@ -183,7 +183,8 @@ class FlockStudy(Study):
     @classmethod
     def shown(cls, run: Run) -> list[Table]:
         """The cosine of the heading to the goal in each condition, as the terminal shows it."""
-        shown = [table.only(0, 1, 3, 5, 4) for table in tables.main_tables(run.table("flock.csv"))]
+        columns = ("couplings", "before", "long after", "runs above .9", "difference to frozen")
+        shown = [table.only(*columns) for table in tables.main_tables(run.table("flock.csv"))]
         return [replace(table, title=f"Cosine of heading to the goal. {table.title}") for table in shown]
 
 

@@ -48,7 +48,8 @@ if TYPE_CHECKING:
 EXPERIMENTS = (*TRAINED, REVERSAL)
 QUICK = ("champions=2", "tests=[rescue]", "methods=[ga,sep_cma_es_varied,abcd_shared]")
 _METHODS = "methods="
-_SHOWN = ((0, 1, 3, 4, -5), (0, 1, 2, 3, -6))  # columns in the terminal; those of reversal learning last
+# The columns that differ in the terminal: those of the maze, and those of reversal learning.
+_SHOWN = ("solves both sides in training", "success over the test worlds"), ("learn", "rewarded share")
 _ENOUGH = 8  # champions of a method; fewer are a smoke test
 _COURSE = (1 / 8, 1 / 4, 1 / 2)  # shares of an evolution
 _MARKS = ["experiment", "method", "seed", "mark", "robot_steps", "trials", "successes"]
@@ -206,10 +207,11 @@ class Leaderboard(ChampionStudy):
     def shown(cls, run: Run) -> list[Table]:
         """The leaderboard, as the terminal shows it."""
         table, worlds = _table(run, "leaderboard"), _table(run, "worlds")
-        return [
-            board.readable(own, worlds.iloc[:0]).only(*_SHOWN[one == REVERSAL], text=2)
-            for one, own in table.groupby("experiment", sort=False)
-        ]
+        shown = []
+        for experiment, rows in table.groupby("experiment", sort=False):
+            columns = ("method", "kind", *_SHOWN[experiment == REVERSAL], "difference to the matched control")
+            shown.append(board.readable(rows, worlds.iloc[:0]).only(*columns, text=2))
+        return shown
 
 
 def plan(experiment: str, arguments: list[str], *, quick: bool = False, config_dir: str | None = None) -> Planned:

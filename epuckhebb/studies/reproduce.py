@@ -180,7 +180,9 @@ class Reproduction(ChampionStudy):
     @classmethod
     def shown(cls, run: Run) -> list[Table]:
         """What held and what did not, as the terminal shows it."""
-        claims = reproduction.claims_table(run.table("claims.csv")).only(0, 1, 2, 3, text=3)
+        claims = reproduction.claims_table(run.table("claims.csv")).only(
+            "experiment", "claim", "verdict", "trials", text=3
+        )
         return [claims, *reproduction.terminal_tables(run.table("comparison.csv"), _paper())]
 
 

@@ -311,7 +311,7 @@ def _evaluated(path: Path, settings: Mapping[str, str], config: Plain, place: Ma
         sha256=facts["genome_sha256"],
         ids=facts["lifetimes"],
         rows=pd.DataFrame(list(rows), dtype=str),
-        place=place,
+        labels=place,
         config=dict(conf.flat(config)),
     )
 
