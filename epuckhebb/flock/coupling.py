@@ -64,15 +64,15 @@ def changed(coupling: Coupling, now: Moment) -> Floats:
     """
     name, count = type(coupling).__name__, len(now.fitness)
     with calling(f"coupling {name}"):
-        given = np.array(coupling.weights(readonly(now)), float)
-    if given.shape != (count, count):
-        raise PartError(f"coupling {name} must give {count} rows of {count} weights, it gave shape {given.shape}")
-    np.fill_diagonal(given, 0.0)
-    if not np.isfinite(given).all() or (given < 0.0).any():
-        wrong = given[~(np.isfinite(given) & (given >= 0.0))][0]
+        weights = np.array(coupling.weights(readonly(now)), float)
+    if weights.shape != (count, count):
+        raise PartError(f"coupling {name} must give {count} rows of {count} weights, it gave shape {weights.shape}")
+    np.fill_diagonal(weights, 0.0)
+    if not np.isfinite(weights).all() or (weights < 0.0).any():
+        wrong = weights[~(np.isfinite(weights) & (weights >= 0.0))][0]
         raise PartError(f"coupling {name} must give finite weights of 0 or more, it gave {wrong:g}")
-    sums = given.sum(axis=1, keepdims=True)
-    return given * ((count - 1) / np.where(sums > 0.0, sums, 1.0))
+    sums = weights.sum(axis=1, keepdims=True)
+    return weights * ((count - 1) / np.where(sums > 0.0, sums, 1.0))
 
 
 def shuffled(now: Moment, rng: np.random.Generator) -> Moment:
@@ -97,12 +97,12 @@ def transfer_entropy(series: Floats) -> Floats:
     after, before = series[1:] - series[1:].mean(axis=0), series[:-1] - series[:-1].mean(axis=0)
     steps = len(before)
     # einsum adds in one order on every machine; a matrix product need not.
-    own, across = (np.einsum("ti,tj->ij", one, before) / steps for one in (before, after))
-    variance, last = np.diag(own), np.diag(across)
+    same, across = (np.einsum("ti,tj->ij", x, before) / steps for x in (before, after))
+    variance, last = np.diag(same), np.diag(across)
     with np.errstate(divide="ignore", invalid="ignore"):
         left = (after**2).mean(axis=0) - last**2 / variance  # of x_i(t + 1), once x_i(t) is known
-        added = variance[None, :] - own**2 / variance[:, None]  # of x_j(t), once x_i(t) is known
-        explained = (across - last[:, None] * own / variance[:, None]) ** 2 / added
+        added = variance[None, :] - same**2 / variance[:, None]  # of x_j(t), once x_i(t) is known
+        explained = (across - last[:, None] * same / variance[:, None]) ** 2 / added
         entropy = -0.5 * np.log1p(-explained / left[:, None])
-    known = (added > 1e-14 * variance[None, :]) & np.isfinite(entropy)
-    return np.where(known & ~np.eye(len(variance), dtype=bool), entropy, 0.0)
+    is_known = (added > 1e-14 * variance[None, :]) & np.isfinite(entropy)
+    return np.where(is_known & ~np.eye(len(variance), dtype=bool), entropy, 0.0)

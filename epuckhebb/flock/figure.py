@@ -18,14 +18,15 @@ def curves(table: pd.DataFrame, at_s: float, runs: int) -> Figure:
     names = [name for name in table.coupling.unique() if name != "frozen" and " " not in name]
     figure = Figure(figsize=(1.75 * len(names) + 0.9, 1.9 * len(kinds) + 0.9))
     rows = figure.subplots(len(kinds), len(names), squeeze=False, sharex=True, sharey=True)
-    for panels, (breaks, here) in zip(rows, kinds, strict=True):
+    for panels, (breaks, group) in zip(rows, kinds, strict=True):
         for axes, name in zip(panels, names, strict=True):
             control = f"{name} (shuffled)"
             for coupling, colour, line in (("frozen", SOFT, "-"), (control, KIND["post_hoc"], "--"), (name, INK, "-")):
-                own = here[here.coupling == coupling]
+                course = group[group.coupling == coupling]
                 label = {"frozen": "frozen", name: "the coupling"}.get(coupling, "shuffled control")
-                axes.plot(own.minute, own.cosine, color=colour, linestyle=line, label=label)
-                axes.fill_between(own.minute, own.cosine_low, own.cosine_high, color=colour, alpha=0.15, linewidth=0)
+                axes.plot(course.minute, course.cosine, color=colour, linestyle=line, label=label)
+                band = {"color": colour, "alpha": 0.15, "linewidth": 0}
+                axes.fill_between(course.minute, course.cosine_low, course.cosine_high, **band)
             axes.axvline(at_s / 60, color=INK, linestyle=":", linewidth=0.8)
             axes.grid(axis="y")
         panels[0].set_ylabel(WHAT_BREAKS[breaks].replace(" that", "\nthat").replace(" breaks", "\nbreaks"))
@@ -49,9 +50,9 @@ def couplings(pairs: pd.DataFrame, broken: int, knowers: int, runs: int) -> Figu
     rows = figure.subplots(2, len(groups), squeeze=False)
     robots = range(pairs.listener.max() + 1)
     names = ["×" if robot == broken else "knows" if robot < knowers else str(robot) for robot in robots]
-    for panels, (coupling, own) in zip(rows.T, groups, strict=True):
+    for panels, (coupling, group) in zip(rows.T, groups, strict=True):
         for axes, when in zip(panels, ("before", "end"), strict=True):
-            shares = own.pivot_table(when, "listener", "speaker")
+            shares = group.pivot_table(when, "listener", "speaker")
             drawn = axes.imshow(shares, cmap="Greys", vmin=0, vmax=pairs[["before", "end"]].to_numpy().max())
             axes.spines[:].set_visible(False)
             axes.set_xticks(robots, names, rotation=90, fontsize=7)

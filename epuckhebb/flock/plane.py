@@ -94,15 +94,19 @@ class Record(NamedTuple):
 
 
 class _Band(NamedTuple):
-    """What robots carry in a run, first axis the robots, and workspace."""
+    """What robots carry in a run, first axis the robots.
+
+    motion: their places first. wheels: workspace of a step. loud: times their noise. knows: 1 for those that know the
+    way, else 0. keys: of the noise. aims, headings: where each wants to look and looks at its last decision [rad].
+    """
 
     motion: Floats
     wheels: Floats
     loud: Floats
     knows: Floats
     keys: NDArray[np.uint64]
-    wanted: Floats
-    before: Floats
+    aims: Floats
+    headings: Floats
 
 
 def drive(
@@ -121,11 +125,11 @@ def drive(
 
     turns: (decisions, robots) [rad], path: (samples, robots, 3), least: (1,) distance of two centres [m]; updated.
     """
-    motion, wheels, wanted, before = band.motion, band.wheels, band.wanted, band.before
+    motion, wheels, aims, headings = band.motion, band.wheels, band.aims, band.headings
     robots = motion.shape[0]
     for decision in range(first, until):
         for i in range(robots):
-            x, y, before[i] = motion[i, 0], motion[i, 1], motion[i, 2]
+            x, y, headings[i] = motion[i, 0], motion[i, 1], motion[i, 2]
             along_x, along_y, listened, pull_x, pull_y = 0.0, 0.0, 0.0, 0.0, 0.0
             for j in range(robots):
                 to_x, to_y = motion[j, 0] - x, motion[j, 1] - y
@@ -144,14 +148,14 @@ def drive(
             listened = max(listened, 1e-9)
             to_x = along_x / listened + SPRING * pull_x / (robots - 1) + GOAL * band.knows[i]
             to_y = along_y / listened + SPRING * pull_y / (robots - 1)
-            wanted[i] = math.atan2(to_y, to_x) + noise * band.loud[i] * normal(band.keys[i], decision)
+            aims[i] = math.atan2(to_y, to_x) + noise * band.loud[i] * normal(band.keys[i], decision)
         if decision % RECORD == 0:
             for i in range(robots):
                 for k in range(3):
                     path[decision // RECORD, i, k] = motion[i, k]
         for _ in range(HOLD):
             for i in range(robots):
-                error = wanted[i] - motion[i, 2]
+                error = aims[i] - motion[i, 2]
                 error -= 2.0 * math.pi * math.floor(error / (2.0 * math.pi) + 0.5)
                 turn = min(TURN, max(-TURN, TURN * error))
                 speed = SPEED * max(0.2, math.cos(error))
@@ -159,7 +163,7 @@ def drive(
                 wheels[i, 2], wheels[i, 3] = math.cos(motion[i, 2]), math.sin(motion[i, 2])
             move_all(space, motion, wheels)
         for i in range(robots):
-            turns[decision % WINDOW, i] = motion[i, 2] - before[i]
+            turns[decision % WINDOW, i] = motion[i, 2] - headings[i]
 
 
 move_all = mover_of_all(EPUCK)
@@ -183,7 +187,7 @@ class FlockRun:
         drawn, self._mixing = rng(seed, Stream.flock, 0), rng(seed, Stream.flock, 1)
         self.space = PymunkSpace(np.zeros((0, 4)), EPUCK, count=count)
         headings = drawn.uniform(-math.pi, math.pi, count).tolist()
-        places = (place._replace(heading=heading) for place, heading in zip(flock.places, headings, strict=True))
+        places = (pose._replace(heading=heading) for pose, heading in zip(flock.places, headings, strict=True))
         self.space.place_robot(*places)
         self.motion = self.space.handles.state[: MOTION * count].reshape(count, MOTION)
         keys = np.array([key(seed, Stream.flock, 2, robot) for robot in range(count)], np.uint64)
@@ -200,8 +204,12 @@ class FlockRun:
         """Break a robot, for good: it is louder, and no longer knows the way."""
         self.broken, self._band.loud[robot], self._band.knows[robot] = robot, self.flock.loudness, 0.0
 
-    def advance(self, until: int, coupling: Coupling, *, other: bool = False) -> None:
-        """Drive until before a decision; `run` has the arguments, and the errors."""
+    def advance(self, until: int, coupling: Coupling, *, control: bool = False) -> None:
+        """Drive until before a decision. control: whether the coupling is given numbers of other robots, as a control.
+
+        Raises:
+            PartError: the coupling gave no weights.
+        """
         flock, band, space = self.flock, self._band, self.space.handles
         noise, sight = float(flock.noise), float(flock.range_m)
         while (first := self.done) < until:
@@ -219,21 +227,21 @@ class FlockRun:
             )
             self._x_before = x
             if self.done >= WINDOW:
-                self.weights = changed(coupling, shuffled(now, self._mixing) if other else now)
+                self.weights = changed(coupling, shuffled(now, self._mixing) if control else now)
             self.history.append(self.weights)
 
 
-def run(flock: Flock, coupling: Coupling, seed: int, *, other: bool = False) -> Record:
+def run(flock: Flock, coupling: Coupling, seed: int, *, control: bool = False) -> Record:
     """Run a flock.
 
-    other: whether the coupling is given the transfer entropy of other pairs and the fitness of other robots.
+    control: whether the coupling is given the transfer entropy of other pairs and the fitness of other robots.
 
     Raises:
         PartError: the coupling gave no weights.
     """
     running = FlockRun(flock, seed)
-    running.advance(round(flock.at_s / DECISION_S), coupling, other=other)
+    running.advance(round(flock.at_s / DECISION_S), coupling, control=control)
     if flock.broken >= 0:
         running.break_robot(flock.broken)
-    running.advance(flock.decisions, coupling, other=other)
+    running.advance(flock.decisions, coupling, control=control)
     return Record(running.path, np.array(running.history), float(running.least[0]) - 2 * EPUCK.radius_m)

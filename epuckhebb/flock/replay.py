@@ -24,7 +24,7 @@ def page(flock: Flock, records: Mapping[str, Record], title: str) -> str:
             "weights": packed(record.weights),
             "cosine": [round(cosine, 3) for cosine in minute_cosines(flock, record)],
         }
-    after, what = f"{flock.robots} robots; after {flock.at_s / 60:g} minutes", WHAT_BREAKS[flock.breaks]
+    where, what = f"{flock.robots} robots; after {flock.at_s / 60:g} minutes", WHAT_BREAKS[flock.breaks]
     content = {
         "flocks": flocks,
         "robots": flock.robots,
@@ -36,6 +36,6 @@ def page(flock: Flock, records: Mapping[str, Record], title: str) -> str:
         "changes": len(record.weights),
         "every": CHANGE_S,
         "radius": EPUCK.radius_m,
-        "outcome": f"{after} {what}" if flock.broken >= 0 else what.capitalize(),
+        "outcome": f"{where} {what}" if flock.broken >= 0 else what.capitalize(),
     }
     return fill_page(Path(__file__).with_suffix(".html"), title, content)

@@ -81,12 +81,12 @@ def table(runs: pd.DataFrame, seed: int) -> pd.DataFrame:
     """A row for each condition, with 95 % intervals over flocks. runs: a row for each run. seed: of the bootstrap."""
     frozen = runs[runs.coupling == "frozen"].set_index([*CONDITION[:-1], "seed"]).long_after
     rows = []
-    for condition, own in runs.groupby(list(CONDITION), sort=False):
-        good = (own.long_after > _GOOD).to_numpy(np.int64)
-        row = dict(zip(CONDITION, condition, strict=True)) | {"runs": len(own), "good": good.mean()}
+    for condition, group in runs.groupby(list(CONDITION), sort=False):
+        good = (group.long_after > _GOOD).to_numpy(np.int64)
+        row = dict(zip(CONDITION, condition, strict=True)) | {"runs": len(group), "good": good.mean()}
         row |= bounds("good_", wilson_by_champion(good, np.ones_like(good)))
-        paired = own.set_index([*CONDITION[:-1], "seed"]).long_after
-        values = {name: own[name] for name in METRICS} | {"difference": paired - frozen.loc[paired.index]}
+        paired = group.set_index([*CONDITION[:-1], "seed"]).long_after
+        values = {name: group[name] for name in METRICS} | {"difference": paired - frozen.loc[paired.index]}
         for name, each in values.items():
             row[name] = each.min() if name == "least_gap_m" else each.mean()
             if name != "least_gap_m":
@@ -98,9 +98,9 @@ def table(runs: pd.DataFrame, seed: int) -> pd.DataFrame:
 def curves(minutes: pd.DataFrame, seed: int) -> pd.DataFrame:
     """The mean over flocks at each minute, with its interval. minutes: a row for each run and minute."""
     rows = []
-    for (breaks, coupling, minute), own in minutes.groupby(["breaks", "coupling", "minute"], sort=False):
-        row = {"breaks": breaks, "coupling": coupling, "minute": minute, "cosine": own.cosine.mean()}
-        rows.append(row | bounds("cosine_", bootstrap(mean, own.cosine.to_numpy(), seed=seed)))
+    for (breaks, coupling, minute), group in minutes.groupby(["breaks", "coupling", "minute"], sort=False):
+        row = {"breaks": breaks, "coupling": coupling, "minute": minute, "cosine": group.cosine.mean()}
+        rows.append(row | bounds("cosine_", bootstrap(mean, group.cosine.to_numpy(), seed=seed)))
     return pd.DataFrame(rows)
 
 
@@ -113,8 +113,8 @@ def minute_cosines(flock: Flock, record: Record) -> list[float]:
 def usual(table: pd.DataFrame) -> pd.DataFrame:
     """The rows of the usual condition, which is the first."""
     first = table.iloc[0]
-    own = (table.loudness == first.loudness) & (table.knowers == first.knowers) & (table.range_m == first.range_m)
-    return table[own]
+    is_usual = (table.loudness == first.loudness) & (table.knowers == first.knowers) & (table.range_m == first.range_m)
+    return table[is_usual]
 
 
 def main_tables(table: pd.DataFrame) -> list[Table]:
@@ -124,15 +124,15 @@ def main_tables(table: pd.DataFrame) -> list[Table]:
         "broken", "effective leaders", "polarisation", "spread (m)", "least gap (mm)",
     ]  # fmt: skip
     tables = []
-    for breaks, own in usual(table).groupby("breaks", sort=False):
+    for breaks, group in usual(table).groupby("breaks", sort=False):
         rows = []
-        for row in own.itertuples():
+        for row in group.itertuples():
             cells = [interval_text(row, name, ".3f") for name in ("before", "just_after", "long_after")]
             cells += ["–" if row.coupling == "frozen" else interval_text(row, "difference", "+.3f")]
             cells += [f"{row.good * row.runs:.0f} of {row.runs}"]
             cells += [interval_text(row, name) for name in METRICS[3:7]]
             rows.append([_name(row.coupling), *cells, f"{1000 * row.least_gap_m:.1f}"])
-        tables.append(Table(head, rows, f"{WHAT_BREAKS[str(breaks)].capitalize()} (n = {own.runs.iloc[0]})"))
+        tables.append(Table(head, rows, f"{WHAT_BREAKS[str(breaks)].capitalize()} (n = {group.runs.iloc[0]})"))
     return tables
 
 
@@ -140,11 +140,11 @@ def sweep_table(table: pd.DataFrame) -> Table:
     """The cosine long after the break in every condition, a row each."""
     names = list(dict.fromkeys(table.coupling))
     rows = []
-    for condition, own in table.groupby(list(CONDITION[:-1]), sort=False):
+    for condition, group in table.groupby(list(CONDITION[:-1]), sort=False):
         loudness, knowers, range_m, breaks = condition
-        cells = {row.coupling: row for row in own.itertuples()}
+        cells = {row.coupling: row for row in group.itertuples()}
         rows.append(
-            [str(breaks), f"{loudness:g}", f"{knowers}", f"{range_m:g}", f"{own.runs.iloc[0]}"]
+            [str(breaks), f"{loudness:g}", f"{knowers}", f"{range_m:g}", f"{group.runs.iloc[0]}"]
             + [interval_text(cells[name], "long_after") for name in names]
         )
     return Table(["breaks", "loudness", "knowers", "range (m)", "n", *map(_name, names)], rows)
@@ -160,7 +160,7 @@ def page(table: pd.DataFrame, made: str, figures: Sequence[str]) -> str:
             "over flocks. *Shuffled*: the coupling is given the transfer entropy of other pairs, or the live fitness "
             "of another robot. The oracle is given the number of the broken robot.\n",
             *(f"![{name.removesuffix('.png')}](figures/{name})\n" for name in figures),
-            *(f"{one.title}:\n\n{one.markdown()}" for one in main_tables(table)),
+            *(f"{part.title}:\n\n{part.markdown()}" for part in main_tables(table)),
             *([f"## Sweep: long after the break\n\n{sweep_table(table).markdown()}"] if is_swept else []),
         ]
     )

@@ -28,7 +28,7 @@ class LiveFlock:
         study = load(FlockStudy, list(words[1:]), config_dir)
         flock = replace(study.conditions[0].flocks[-1], duration_s=86_400.0)
         self.words, self._run, self._asked = list(words), FlockRun(flock, study.seed), 0
-        self._rows = {row.name: row for row in study.rows if not row.other}
+        self._rows = {row.name: row for row in study.rows if not row.is_control}
         self._coupling = next(iter(self._rows))
 
     def run(self, steps: int) -> int:

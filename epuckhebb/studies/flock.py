@@ -48,11 +48,11 @@ _NOT_SHOWN = (SHUFFLED.strip(), ORACLE)  # in the figure of couplings, and in a 
 
 
 class Row(NamedTuple):
-    """A row of the tables. name: of the coupling. other: whether it is given the numbers of other robots."""
+    """A row of the tables. name: of the coupling. is_control: whether it is given the numbers of other robots."""
 
     name: str
     coupling: Coupling
-    other: bool = False
+    is_control: bool = False
 
 
 class Condition(NamedTuple):
@@ -118,7 +118,7 @@ class FlockStudy(Study):
         """The jobs: one for each condition, which is a study of its own, so other conditions leave it as it is."""
         smoke_test = replace(self.conditions[0].flocks[0], at_s=6.4, duration_s=19.2)  # its coupling changes once
         first, again = (_run_flocks([(row, smoke_test, self.seed) for row in self.rows], 1) for _ in range(2))
-        if any(one.weights.tobytes() != other.weights.tobytes() for one, other in zip(first, again, strict=True)):
+        if any(a.weights.tobytes() != b.weights.tobytes() for a, b in zip(first, again, strict=True)):
             raise ConfigError(f"flock.coupling={self.flock.coupling} gives other results with the same seed")
         jobs = []
         for condition in self.conditions:
@@ -222,7 +222,7 @@ def _rows(keys: FlockKeys) -> list[Row]:
         if name not in (FROZEN, ORACLE):
             rows.append(Row(name, coupling))
         if keys.shuffled and name not in _WITHOUT_CONTROL:
-            rows.append(Row(name + SHUFFLED, coupling, other=True))
+            rows.append(Row(name + SHUFFLED, coupling, is_control=True))
     return [*rows, Row(ORACLE, Oracle())]
 
 
@@ -250,7 +250,7 @@ def _run_flocks(tasks: Sequence[tuple[Row, Flock, int]], threads: int) -> list[R
 
     def run_task(task: tuple[Row, Flock, int]) -> Record:
         row, flock, seed = task
-        return run(flock, row.coupling, seed, other=row.other)
+        return run(flock, row.coupling, seed, control=row.is_control)
 
     try:
         with ThreadPoolExecutor(threads) as pool:
