@@ -136,7 +136,7 @@ class TMaze(gymnasium.Env[Floats, Floats]):
 
     def _sum(self) -> float:
         """The part of the fitness that is a sum over the steps, times the steps: that of the paper, or of `step`."""
-        if self.world.fitness.is_own:
+        if self.world.fitness.is_custom:
             return float(self.session.life.score["sum"][0])
         return 0.0 if self.world.task.has_trials else float(self.session.life.tally["behaviour_sum"][0]) / 2.0
 

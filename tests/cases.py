@@ -42,7 +42,7 @@ def done(*words):
 
 
 def evolve_in_maze(optimizer, scenario, lifetime, seed, threads=1, after=None, **more):
-    """The generations of an evolution in the maze. more: training, network, controller, origin; given, start."""
+    """The generations of an evolution in the maze. more: training, network, controller, origin, start."""
     training, network = more.pop("training", UNVARIED), more.pop("network", PAPER_NETWORK)
     controller, origin = more.pop("controller", GA_ALONE), more.pop("origin", None)
     maze = MazeEvaluator(optimizer, scenario, lifetime, training, seed, network, controller, threads, origin)

@@ -19,7 +19,7 @@ from epuckhebb import Rule
 from epuckhebb.config import EvaluateConfig, EvolveConfig, load, plugins
 from epuckhebb.config.parts import KINDS, part_class
 from epuckhebb.controller.compiling.errors import PartError
-from epuckhebb.controller.compiling.sources import UnknownSourceError, kernel_key, own_code
+from epuckhebb.controller.compiling.sources import UnknownSourceError, kernel_key, user_code
 from epuckhebb.controller.controller import Controller
 from epuckhebb.controller.evolved import Evolved
 from epuckhebb.controller.genome import make_plan
@@ -770,6 +770,6 @@ def test_classes_that_a_function_makes_are_others():
     head = "def made(c):\n    class Made(Rule):\n        synapse = staticmethod(lambda pre: c * pre)\n    return Made\n"
     Path("my.py").write_text(f"from epuckhebb import Rule\n{head}Plus, Minus = made(1.0), made(-1.0)\n")
     plus, minus = (plugins.class_named(f"my.py:{name}", Rule, "hebbian.rule") for name in ("Plus", "Minus"))
-    assert own_code((plus,)) != own_code((minus,))
+    assert user_code((plus,)) != user_code((minus,))
     with pytest.raises(UnknownSourceError):  # no file tells what a function's variables hold
         kernel_key((plus,))

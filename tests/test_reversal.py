@@ -16,7 +16,7 @@ from epuckhebb.analysis.image import image
 from epuckhebb.config import EvaluateConfig, load
 from epuckhebb.controller.genome import make_plan
 from epuckhebb.controller.network import Network
-from epuckhebb.controller.plasticity.rule import Acts, Reward, modulatory_weights, values_of
+from epuckhebb.controller.plasticity.rule import Acts, Reward, modulatory_weights, part_values
 from epuckhebb.controller.plasticity.rules.modulated import Modulated
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.controller.plasticity.update import make_modulation
@@ -296,7 +296,7 @@ def test_the_fitness_is_the_rewarded_share_and_a_little_for_coming_near():
 def test_the_modulatory_neuron_hears_the_reward_or_its_inverse():
     network = Network((3, 2, 2), rewarded=True)
     genes = {"v": np.array([1.0, -2.0, 0.5]), "vr": np.array([-0.5]), "eta": np.array([0.3])}
-    values = values_of(Modulated, network, genes)
+    values = part_values(Modulated, network, genes)
     assert values["eta"] * 0.003 == pytest.approx(10**-1.7)
     modulate, activation = make_modulation(Modulated, network), np.zeros(network.neurons)
     activation[4:6] = 1.0, 0.5

@@ -67,8 +67,8 @@ class Adaptation(NoAdaptation):
         allowed = (NONE, *part_names(change_signals))
         is_own = not isinstance(self.change_signal, str) or ":" in self.change_signal
         if not is_own and self.change_signal not in allowed:
-            known = f"one of {', '.join(allowed)}, or FILE.py:NAME"
-            raise ValueError(f"adaptation.change_signal must be {known}, got {self.change_signal!r}")
+            choices = f"one of {', '.join(allowed)}, or FILE.py:NAME"
+            raise ValueError(f"adaptation.change_signal must be {choices}, got {self.change_signal!r}")
         check(self, "adaptation")
         if self.rest_s > 0 and self.active_s == 0:
             raise ValueError(f"adaptation.rest_s = {self.rest_s:g} needs adaptation.active_s above 0")
@@ -111,9 +111,11 @@ class Adaptation(NoAdaptation):
         if self.plastic_when is PlasticWhen.goal_signal and isinstance(rule, NoRule):
             raise ValueError("adaptation.plastic_when=goal_signal needs a plasticity rule: give hebbian=stay")
         if rule.control is not Control.none and self.is_gated and self.plastic_when is PlasticWhen.late:
-            others = " or ".join(one.name for one in PlasticWhen if one is not PlasticWhen.late)
-            given = f"hebbian.control={rule.control.name} with adaptation={self.name}"
-            raise ValueError(f"{given}, which resets the weights; give another, with adaptation.plastic_when={others}")
+            choices = " or ".join(choice.name for choice in PlasticWhen if choice is not PlasticWhen.late)
+            settings = f"hebbian.control={rule.control.name} with adaptation={self.name}"
+            raise ValueError(
+                f"{settings}, which resets the weights; give another, with adaptation.plastic_when={choices}"
+            )
         if duration_s <= self.start_by_s < math.inf:
             most = f"less than lifetime.duration_s = {duration_s:g}, or inf for never"
             raise ValueError(f"adaptation.start_by_s must be {most}, got {self.start_by_s:g}")

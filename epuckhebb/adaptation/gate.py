@@ -14,7 +14,7 @@ from typing import Any
 from epuckhebb.adaptation import exploration
 from epuckhebb.adaptation.change_signal import ChangeSignal, SignalContext, signal_function, update_recent
 from epuckhebb.controller.compiling.kernel import compiled
-from epuckhebb.controller.own_class import is_own
+from epuckhebb.controller.own_class import is_user_class
 from epuckhebb.tmaze.robot import STEP_S
 
 WAIT_S = 1.5  # of a halt that waits, without a goal signal: chosen for signals a second apart (docs/adaptations.md)
@@ -59,7 +59,7 @@ def gates(kind: type[ChangeSignal], plastic_when: PlasticWhen, stay: Stay) -> Ca
     """The function that opens both gates, `open_gate` of `adaptation.Hooks`."""
     signal = signal_function(kind)
     always, at_the_goal = plastic_when is PlasticWhen.always, plastic_when is PlasticWhen.goal_signal
-    halts, for_good, must_be_number = stay.halts, stay is Stay.halt, is_own(kind)
+    halts, for_good, must_be_number = stay.halts, stay is Stay.halt, is_user_class(kind)
 
     @compiled
     def open_gate(life: Any, setup: Any, fitness: float, step: int) -> float:

@@ -56,10 +56,11 @@ def light_patterns(lifetimes: Sequence[Floats]) -> tuple[Floats, float]:
         warnings.simplefilter("ignore", UserWarning)  # a cluster that is empty stays where it is
         patterns, _ = kmeans2(sensed, first, minit="matrix")
     lengths = pattern_lengths(patterns)
-    most = light.NOISE
+    most = light.NOISE  # which a reading has in any case
     for bright in lifetimes:
         nearest = patterns[(bright @ patterns.T / lengths).argmax(axis=1)]
         novelty = math.nan
+        # Smoothed over 5 s, as in a lifetime.
         for distance in np.sqrt(((nearest - bright) ** 2).mean(axis=1)):
             novelty = distance if math.isnan(novelty) else novelty + _SHARE * (distance - novelty)
             most = max(most, novelty)

@@ -82,13 +82,13 @@ def measure_nominal(
     """
     duration_s = scenario.paper_duration_s / gain_rad_s
     lifetime = Lifetime(duration_s=duration_s, gain_rad_s=gain_rad_s, record_every=_RECORD_EVERY)
-    place = zlib.crc32(genes.tobytes())
+    genome_key = zlib.crc32(genes.tobytes())
     individuals = [
         Individual(
             genes=genes,
             network=network,
             side=side,
-            key=random.key(0, Stream.nominal_noise, place, k, repeat),
+            key=random.key(0, Stream.nominal_noise, genome_key, k, repeat),
             record=True,
         )
         for k, side in enumerate(SIDES)

@@ -39,14 +39,14 @@ def wall_following(robot: Robot) -> Callable[[Floats, Floats], tuple[float, floa
         right, before_right = nearest(readings, side_right), nearest(readings, ahead_right)
         if hand[0] == 0.0:
             hand[0] = 1.0 if left + before_left >= right + before_right else -1.0
-        wall, other = max(left, before_left), max(right, before_right)
+        wall, opposite = max(left, before_left), max(right, before_right)
         if hand[0] < 0.0:
-            wall, other = other, wall
+            wall, opposite = opposite, wall
         drive, towards = 1.0, min(0.5, max(-0.8, 2.0 * (NEAR - wall)))
         if nearest(readings, front) > NEAR:
             drive, towards = 0.0, -1.0
-        elif wall > NEAR and other > NEAR:
-            towards = 0.5 * (other - wall)
+        elif wall > NEAR and opposite > NEAR:
+            towards = 0.5 * (opposite - wall)
         turn = hand[0] * towards
         return speed * min(1.0, max(-1.0, drive - turn)), speed * min(1.0, max(-1.0, drive + turn))
 
@@ -55,14 +55,14 @@ def wall_following(robot: Robot) -> Callable[[Floats, Floats], tuple[float, floa
 
 def _sensors(robot: Robot) -> list[tuple[int, ...]]:
     """Which inputs look to the front, ahead and to the side on the left, ahead and to the side on the right."""
-    found: list[list[int]] = [[], [], [], [], []]
-    for number, place in enumerate(robot.distance.places, robot.input_places(robot.distance).start):
-        azimuth = (place.azimuth + 180.0) % 360.0 - 180.0
+    groups: list[list[int]] = [[], [], [], [], []]
+    for number, sensor in enumerate(robot.distance.places, robot.input_places(robot.distance).start):
+        azimuth = (sensor.azimuth + 180.0) % 360.0 - 180.0
         away, first = abs(azimuth), 1 if azimuth > 0 else 3
         if away <= _FRONT:
-            found[0].append(number)
+            groups[0].append(number)
         elif away <= _SIDE:
-            found[first if away <= _AHEAD else first + 1].append(number)
-    if not all(found):
+            groups[first if away <= _AHEAD else first + 1].append(number)
+    if not all(groups):
         raise ValueError(f"adaptation.exploration=wall_following needs sensors all around, unlike {robot.name}")
-    return [tuple(sensors) for sensors in found]
+    return [tuple(sensors) for sensors in groups]

@@ -23,10 +23,10 @@ from typing import Any, TypeVar
 from epuckhebb.config import hand
 from epuckhebb.controller.compiling.sources import (
     OWN_PACKAGE,
-    file_of,
     is_installed,
     loaded_modules,
     loaded_sources,
+    module_file,
     sources_elsewhere,
 )
 from epuckhebb.runtime import ConfigError, did_you_mean, user_path
@@ -205,7 +205,7 @@ def _imported(path: Path, package: str, name: str) -> ModuleType:
     finally:
         sys.dont_write_bytecode = is_off
     for other in sys.modules.keys() - known:
-        file = file_of(sys.modules[other])
+        file = module_file(sys.modules[other])
         if file and file.parent == path.parent and not other.startswith(OWN_PACKAGE) and not is_installed(file):
             raise ModuleNotFoundError(f"a run would have no copy of {file.name}", name=other)
     loaded_sources(package), sources_elsewhere(package)  # noted now, before anybody edits them

@@ -196,7 +196,7 @@ class Evolves(Checked):
             raise ValueError(f"{given} are for evaluate; in evolution there are none and 0: the seed draws the signs")
         self.algorithm = build.make_optimizer(self.optimizer, self.ga)
         self.schedule = self.algorithm.schedule(training, lifetime)
-        self.plan = evolved_plan(self.network_made, self.rule, given=self.genome is not None)
+        self.plan = evolved_plan(self.network_made, self.rule, has_network=self.genome is not None)
         self.algorithm.check(self.plan)
 
 

@@ -10,7 +10,7 @@ from itertools import pairwise
 from typing import Any
 
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.compiling.kernel import compiled, in_turn, written
+from epuckhebb.controller.compiling.kernel import call_each, compiled, written
 from epuckhebb.controller.compiling.simd import WIDTH, alike, plus, read, times, write
 from epuckhebb.controller.network import GivenOutputs, Network, tanh
 from epuckhebb.controller.own_class import make_number_call
@@ -30,11 +30,11 @@ def forward_pass(network: Network) -> Callable[..., None]:
     if isinstance(network, GivenOutputs):
 
         @compiled
-        def given(weights: Floats, activation: Floats, *_: Any) -> None:
+        def copy_outputs(weights: Floats, activation: Floats, *_: Any) -> None:
             for k in range(outputs):
                 activation[first + k] = weights[k]
 
-        return given
+        return copy_outputs
 
     functions: dict[str, Any] = {"respond": _responder(network)}
     ends = pairwise([*network.first_neuron[1:], network.neurons])
@@ -57,7 +57,7 @@ def forward_pass(network: Network) -> Callable[..., None]:
 
 def _responder(network: Network) -> Callable[..., None]:
     """The function `respond(begin, end, drive, activation, neurons)` that gives neurons their activations."""
-    own = network.first_neuron[1]
+    first_neuron = network.first_neuron[1]
     of_one: Callable[..., float] = compiled(lambda j, _, drive, *__: tanh(drive[j]))
     if network.wiring is not None:
         kind = type(network.wiring)
@@ -68,7 +68,7 @@ def _responder(network: Network) -> Callable[..., None]:
     @compiled
     def respond(begin: int, end: int, drive: Floats, activation: Floats, neurons: Any) -> None:
         for j in range(begin, end):
-            activation[j] = of_one(j, own, drive, activation, neurons)
+            activation[j] = of_one(j, first_neuron, drive, activation, neurons)
 
     return respond
 
@@ -89,7 +89,7 @@ def _calls_of_group(network: Network, begin: int, end: int, functions: dict[str,
     if not blocks or (blocks[0][1], blocks[0][4]) != (begin, size):
         blocks = [(0, begin, 0, 0, size, size // WIDTH), *blocks]
     numbered = [(*block, int(number > 0)) for number, block in enumerate(blocks)]
-    functions[f"add_to_{begin}"] = in_turn(_add, numbered, "weights, activation, drive")
+    functions[f"add_to_{begin}"] = call_each(_add, numbered, "weights, activation, drive")
     yield f"add_to_{begin}(weights, activation, drive)"
     yield f"respond({begin}, {end}, drive, activation, neurons)"
 

@@ -49,13 +49,13 @@ class GenomePlan:
             first += part.size
         return parts
 
-    def pick(self, genes: Floats, wanted: "GenomePlan") -> Floats:
+    def pick(self, genes: Floats, target: "GenomePlan") -> Floats:
         """The genes of another plan's parts, in its order."""
         parts = self.split(genes)
-        for part in wanted.parts:
+        for part in target.parts:
             if part.name not in parts or parts[part.name].shape[-1] != part.size:
-                raise ValueError(f"the genome has {self.text()}; needed are {wanted.text()}")
-        return np.concatenate([parts[part.name] for part in wanted.parts], axis=-1)
+                raise ValueError(f"the genome has {self.text()}; needed are {target.text()}")
+        return np.concatenate([parts[part.name] for part in target.parts], axis=-1)
 
     @property
     def rule_parts(self) -> "GenomePlan":
@@ -78,8 +78,8 @@ def make_plan(network: Network, rule: type[Rule] = NoRule) -> GenomePlan:
     parts, evolved = [Part(WEIGHTS, network.synapses)], evolvable_parameters(rule, network)
     if network.wiring is not None:
         for name, size in network.wiring.parameter_sizes().items():
-            own = network.wiring.evolved[name]
-            parts.append(Part(NEURON + name, size, own.start, own.limit))
+            parameter = network.wiring.evolved[name]
+            parts.append(Part(NEURON + name, size, parameter.start, parameter.limit))
     for name, size in evolved_sizes(rule, network).items():
         parts.append(Part(name, size, evolved[name].start, evolved[name].limit))
     return GenomePlan(tuple(parts))

@@ -16,7 +16,7 @@ from epuckhebb.controller.plasticity.rule import (
     Rule,
     coefficients,
     modulatory_weights,
-    values_of,
+    part_values,
 )
 from epuckhebb.controller.plasticity.update import initial_lengths
 from epuckhebb.controller.random import Stream, rng
@@ -63,7 +63,7 @@ def initial_states(
         inherited = np.array([one.uniform(-INITIAL_RANGE, INITIAL_RANGE, network.synapses) for one in drawn])
     weights = starting_weights(inherited)
     different = range(len(genes) if len(plan.parts) > 1 else 1)
-    values = [values_of(kind, network, {name: part[k] for name, part in parts.items()}) for k in different]
+    values = [part_values(kind, network, {name: part[k] for name, part in parts.items()}) for k in different]
     if wiring is not None:
         evolved = [{name: one[NEURON + name] for name in wiring.evolved} for one in values]
         every = [wiring.initial(one, gain_rad_s, step_s) for one in evolved]

@@ -49,7 +49,7 @@ class OwnClass:
     @property
     def name(self) -> str:
         """What it is called."""
-        return name_of(type(self))
+        return class_name(type(self))
 
     @classmethod
     def settings(cls) -> tuple[str, ...]:
@@ -61,17 +61,17 @@ class OwnClass:
         return tuple(float(getattr(self, name)) for name in self.settings())
 
     @classmethod
-    def known(cls, method: str) -> Collection[str]:  # noqa: ARG003  # others need it
+    def allowed_arguments(cls, method: str) -> Collection[str]:  # noqa: ARG003  # others need it
         """The names of the arguments that a method may have; none where they are fixed."""
         return cls.ARGUMENTS
 
     @classmethod
     def arguments(cls, method: str) -> tuple[str, ...]:
         """The names of the arguments of a method, in its order; a ValueError if one is unknown."""
-        names, known = tuple(inspect.signature(getattr(cls, method)).parameters), cls.known(method)
-        unknown = [name for name in names if known and name not in known]
+        names, allowed = tuple(inspect.signature(getattr(cls, method)).parameters), cls.allowed_arguments(method)
+        unknown = [name for name in names if allowed and name not in allowed]
         if unknown:
-            raise ValueError(f"{cls.what()}: `{method}` takes {', '.join(unknown)}; known are {', '.join(known)}")
+            raise ValueError(f"{cls.what()}: `{method}` takes {', '.join(unknown)}; known are {', '.join(allowed)}")
         return names
 
     @classmethod
@@ -79,17 +79,17 @@ class OwnClass:
         """Check a subclass; else a ValueError."""
         for name in ("evolved", "with_reward"):
             values = getattr(cls, name, {})
-            if not isinstance(values, Mapping) or not all(isinstance(one, Evolved) for one in values.values()):
+            if not isinstance(values, Mapping) or not all(isinstance(value, Evolved) for value in values.values()):
                 raise ValueError(f"{cls.what()}: {name} must be a mapping of names to Evolved(...), got {values!r}")
         base = part_base(cls)
-        given = [name for name in cls.METHODS if getattr(cls, name, None) is not getattr(base, name, None)]
-        if cls.METHODS and not given:
+        methods = [name for name in cls.METHODS if getattr(cls, name, None) is not getattr(base, name, None)]
+        if cls.METHODS and not methods:
             raise ValueError(f"{cls.what()} needs a method `{'` or `'.join(cls.METHODS)}`")
-        for method in given:
+        for method in methods:
             cls.arguments(method)
-        known = {field.name for field in fields(cast(Any, cls))}
+        settings = {field.name for field in fields(cast(Any, cls))}
         for name, annotation in inspect.get_annotations(cls).items():
-            if name not in known and "ClassVar" not in str(annotation):
+            if name not in settings and "ClassVar" not in str(annotation):
                 raise ValueError(f"{cls.what()}: {name} is not a setting; write @dataclass above the class")
 
     @classmethod
@@ -117,8 +117,8 @@ def part_names(package: ModuleType) -> list[str]:
 def load_class(package: ModuleType, name: str) -> Any:
     """The class of one of them."""
     module = importlib.import_module(f"{package.__name__}.{name}")
-    classes = [one for one in vars(module).values() if isinstance(one, type) and issubclass(one, OwnClass)]
-    return next(one for one in classes if one.__module__ == module.__name__)
+    classes = [member for member in vars(module).values() if isinstance(member, type) and issubclass(member, OwnClass)]
+    return next(member for member in classes if member.__module__ == module.__name__)
 
 
 def part_base(kind: type[OwnClass]) -> type[OwnClass]:
@@ -126,13 +126,13 @@ def part_base(kind: type[OwnClass]) -> type[OwnClass]:
     return kind.__mro__[kind.__mro__.index(OwnClass) - 1]
 
 
-def name_of(kind: type[OwnClass]) -> str:
+def class_name(kind: type[OwnClass]) -> str:
     """What a class is called: as its file, if it is one of the program, or else as itself."""
-    is_file = not is_own(kind) and kind.__module__ != part_base(kind).__module__
+    is_file = not is_user_class(kind) and kind.__module__ != part_base(kind).__module__
     return kind.__module__.rpartition(".")[2] if is_file else kind.__name__
 
 
-def is_own(kind: type[OwnClass]) -> bool:
+def is_user_class(kind: type[OwnClass]) -> bool:
     """Whether a class is the user's."""
     return kind.__module__.partition(".")[0] != __name__.partition(".")[0]
 
@@ -140,7 +140,7 @@ def is_own(kind: type[OwnClass]) -> bool:
 def user_classes(parts: Iterable[object]) -> list[type[OwnClass]]:
     """The classes of those parts, or of these classes, that are the user's own."""
     kinds = [part if isinstance(part, type) else type(part) for part in parts]
-    return [kind for kind in kinds if issubclass(kind, OwnClass) and is_own(kind)]
+    return [kind for kind in kinds if issubclass(kind, OwnClass) and is_user_class(kind)]
 
 
 def stored(initial: Mapping[str, float], count: int) -> NDArray[np.void]:
@@ -163,23 +163,24 @@ def _float(value: Any) -> float:
 
 
 def _number(value: Any) -> Callable[[Any], float]:
+    """What `number` is in a kernel for a value of this type; a TypingError if it is no number."""
     if isinstance(value, types.Boolean | types.Integer | types.Float):
         return _truth if isinstance(value, types.Boolean) else _float
-    given = "nothing, at least sometimes" if isinstance(value, types.NoneType | types.Optional) else value.name
-    raise TypingError(f"{MUST_GIVE_A_NUMBER}, it gives {given}")
+    description = "nothing, at least sometimes" if isinstance(value, types.NoneType | types.Optional) else value.name
+    raise TypingError(f"{MUST_GIVE_A_NUMBER}, it gives {description}")
 
 
 _overload(number, jit_options=BUILDING_BLOCK)(_number)
 
 
-def _names_in(function: Any, seen: set[Any]) -> Iterator[str]:
+def _code_names(function: Any, seen: set[Any]) -> Iterator[str]:
     """The names in the code of a function, and of those that it calls by a global name."""
     plain = getattr(function, "py_func", function)
     if isinstance(plain, FunctionType) and plain not in seen:
         seen.add(plain)
         yield from plain.__code__.co_names
         for name in plain.__code__.co_names:
-            yield from _names_in(plain.__globals__.get(name), seen)
+            yield from _code_names(plain.__globals__.get(name), seen)
 
 
 def _is_foreign(function: Any) -> bool:
@@ -192,23 +193,23 @@ def building_block(function: Any) -> Any:
     return (compiled_checked if _is_foreign(function) else compiled)(move_to_module(function, __name__))
 
 
-def make_call(function: Any, names: Collection[str], how: Mapping[str, str], given: str, **parts: Any) -> Any:
-    """A building block with the arguments `given`, which calls a static method of a user's.
+def make_call(function: Any, names: Collection[str], how: Mapping[str, str], arguments: str, **parts: Any) -> Any:
+    """A building block with these arguments, which calls a static method of a user's.
 
     Only what the method has as arguments is computed, so the call is written when these are known. It may write into
-    its state, and into no array that it is handed. names: of its arguments. how: how to make each of them. parts:
+    its state, and into no array that it is handed. names: of those of the method. how: how to make each of them. parts:
     other names in `how`.
     """
-    writing = sorted(_WRITE_THROUGH.intersection(_names_in(function, set()))) if _is_foreign(function) else []
+    writing = sorted(_WRITE_THROUGH.intersection(_code_names(function, set()))) if _is_foreign(function) else []
     if writing:
         raise ValueError(f"`{function.__name__}` uses {', '.join(writing)}, which can write into arrays of others")
     call = f"function({', '.join(f'readonly({how[name]})' for name in names)})"
-    return written(given, call, {"function": building_block(function), "readonly": readonly, "math": math, **parts})
+    return written(arguments, call, {"function": building_block(function), "readonly": readonly, "math": math, **parts})
 
 
 def make_number_call(
-    kind: type[OwnClass], function: Any, names: Collection[str], how: Mapping[str, str], given: str, numbers: str
+    kind: type[OwnClass], function: Any, names: Collection[str], how: Mapping[str, str], arguments: str, numbers: str
 ) -> Any:
     """A building block that calls a method which gives a number; its `by` are settings. numbers: where these are."""
-    parts = {"call": make_call(function, names, how, f"{given}, by"), "By": namedtuple_of("By", kind.settings())}
-    return written(given, f"number(call({given}, By(*{numbers})))", {**parts, "number": number})
+    parts = {"call": make_call(function, names, how, f"{arguments}, by"), "By": namedtuple_of("By", kind.settings())}
+    return written(arguments, f"number(call({arguments}, By(*{numbers})))", {**parts, "number": number})

@@ -52,7 +52,7 @@ def rng(seed: int, stream: Stream, *place: int) -> np.random.Generator:
 
 
 def key(seed: int, stream: Stream, *place: int) -> np.uint64:
-    """The key of a lifetime's sensor noise."""
+    """The key of one place in a study, for example that of a lifetime's sensor noise (repeat, side)."""
     sequence = np.random.SeedSequence(seed, spawn_key=(stream, *place))
     return np.uint64(sequence.generate_state(1, np.uint64)[0])
 
@@ -69,8 +69,8 @@ def keys(seed: int, stream: Stream, places: Sequence[tuple[int, ...]]) -> NDArra
         word = word * np.uint32(constant)
         return word ^ word >> 16
 
-    def mixed(word: Any, other: Any) -> Any:
-        word = word * np.uint32(0xCA01F9DD) - scrambled(other) * np.uint32(0x4973F715)
+    def mixed(word: Any, addend: Any) -> Any:
+        word = word * np.uint32(0xCA01F9DD) - scrambled(addend) * np.uint32(0x4973F715)
         return word ^ word >> 16
 
     # As NumPy's `SeedSequence` does it (O'Neill, "Developing a seed_seq alternative", 2015), for all places at once.

@@ -64,15 +64,16 @@ def check(instance: Any, prefix: str = "") -> None:
 
     The default may lie outside, as inf for never. The name of a member of an enum becomes that member.
     """
-    for one in fields(instance):
-        value, members = getattr(instance, one.name), getattr(type(one.default), "__members__", {})
+    for setting in fields(instance):
+        value, members = getattr(instance, setting.name), getattr(type(setting.default), "__members__", {})
         if members and type(value) is str:
             if value not in members:
                 raise ValueError(
-                    f"{prefix and f'{prefix}.'}{one.name} must be one of {', '.join(members)}; got {value}"
+                    f"{prefix and f'{prefix}.'}{setting.name} must be one of {', '.join(members)}; got {value}"
                 )
-            object.__setattr__(instance, one.name, members[value])
-    check_values(type(instance), {one.name: getattr(instance, one.name) for one in fields(instance)}, prefix)
+            object.__setattr__(instance, setting.name, members[value])
+    names = [setting.name for setting in fields(instance)]
+    check_values(type(instance), {name: getattr(instance, name) for name in names}, prefix)
 
 
 def check_values(kind: Any, values: Mapping[str, Any], prefix: str = "") -> None:
@@ -80,21 +81,24 @@ def check_values(kind: Any, values: Mapping[str, Any], prefix: str = "") -> None
 
     A subclass that gives a field another default keeps the range.
     """
-    for one in fields(kind):
-        value, allowed = values.get(one.name, one.default), _declared(kind, one.name, "range")
-        if allowed is not None and value != one.default:
-            check_value(f"{prefix}.{one.name}" if prefix else one.name, value, allowed, one.default)
+    for setting in fields(kind):
+        value, allowed = values.get(setting.name, setting.default), _declared(kind, setting.name, "range")
+        if allowed is not None and value != setting.default:
+            check_value(f"{prefix}.{setting.name}" if prefix else setting.name, value, allowed, setting.default)
 
 
 def _declared(kind: type, name: str, what: str) -> Any:
     """What `within` says of a field, of the class that declares it; None if it says nothing."""
-    declared = (getattr(base, "__dataclass_fields__", {}).get(name) for base in kind.__mro__)
-    return next((one.metadata[what] for one in declared if one is not None and what in one.metadata), None)
+    for base in kind.__mro__:
+        setting = getattr(base, "__dataclass_fields__", {}).get(name)
+        if setting is not None and what in setting.metadata:
+            return setting.metadata[what]
+    return None
 
 
 def unusual(instance: Any, prefix: str) -> list[str]:
     """A note for each field of a dataclass whose value is more than is usual. prefix: of its keys."""
-    limits = {one.name: _declared(type(instance), one.name, "usual") for one in fields(instance)}
+    limits = {setting.name: _declared(type(instance), setting.name, "usual") for setting in fields(instance)}
     return [
         f"{prefix}.{name}={value:g} is far more than usual, which is at most {limit:g}: is its unit right?"
         for name, limit in limits.items()

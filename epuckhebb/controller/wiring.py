@@ -98,7 +98,7 @@ class Wiring(OwnClass):
         return step_s
 
     @classmethod
-    def known(cls, method: str) -> Collection[str]:  # noqa: ARG003  # it has one
+    def allowed_arguments(cls, method: str) -> Collection[str]:  # noqa: ARG003  # it has one
         """The names of the arguments that a method may have; none where they are fixed."""
         return [*OF_NEURON, *cls.evolved]
 
@@ -166,8 +166,8 @@ def find_blocks(pre: NDArray[np.int64], post: NDArray[np.int64], begins: Sequenc
             wide += 1
         row, high = np.arange(wide) + post[first], 1
         while True:
-            here = slice(first + high * wide, first + (high + 1) * wide)
-            if not (np.array_equal(post[here], row) and (pre[here] == pre[first] + high).all()):
+            part = slice(first + high * wide, first + (high + 1) * wide)
+            if not (np.array_equal(post[part], row) and (pre[part] == pre[first] + high).all()):
                 break
             high += 1
         blocks.append((int(pre[first]), int(post[first]), first, high, wide))
@@ -177,7 +177,7 @@ def find_blocks(pre: NDArray[np.int64], post: NDArray[np.int64], begins: Sequenc
 
 def recorded_wiring(name: str, sizes: Sequence[int], pairs: Iterable[Sequence[int]]) -> Wiring:
     """What stands for a wiring where a champion or a recorded run is read: its name and synapses; it cannot run."""
-    known = [(int(pre), int(post)) for pre, post in pairs]
-    kind: Any = type(name, (Wiring,), {"sizes": tuple(sizes), "synapses": lambda _, __: known})
+    joined = [(int(pre), int(post)) for pre, post in pairs]
+    kind: Any = type(name, (Wiring,), {"sizes": tuple(sizes), "synapses": lambda _, __: joined})
     wiring: Wiring = kind()
     return wiring

@@ -15,7 +15,7 @@ from epuckhebb.controller import random
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.genome import GenomePlan, make_plan
 from epuckhebb.controller.network import Network
-from epuckhebb.controller.own_class import name_of
+from epuckhebb.controller.own_class import class_name
 from epuckhebb.controller.plasticity.control import signs
 from epuckhebb.controller.plasticity.rule import NO_RULE, InitialWeights, NoRule, Rule
 from epuckhebb.controller.random import Stream
@@ -87,19 +87,19 @@ def evolve(
     evaluator: Evaluator,
     generations: int,
     seed: int,
-    after: Generation | None = None,
+    last: Generation | None = None,
     *,
     network: Network,
     rule: Rule = NO_RULE,
-    given: Floats | None = None,
+    network_genes: Floats | None = None,
     start: Floats | None = None,
 ) -> Iterator[Generation]:
     """Evolve controllers in any world; yields one record a generation.
 
-    evaluator: runs the lifetimes. after: the last record of an unfinished evolution with the same arguments, to resume.
+    evaluator: runs the lifetimes. last: the last record of an unfinished evolution with the same arguments, to resume.
     rule: with one, individuals learn during evolution, and evolved parameters of the rule are part of the genome. Then
     all individuals of a generation have the same starts and noise, and the champion is the best of three in fresh
-    lifetimes, with any optimizer. given: the genes of a champion's network, if only the rule is evolved. start: the
+    lifetimes, with any optimizer. network_genes: those of a champion's network, if only the rule is evolved. start: the
     evolved genes with which evolution begins; None for random ones.
 
     Raises:
@@ -107,14 +107,14 @@ def evolve(
         LostRobotError: a pose or a weight stopped being finite.
     """
     learns = not isinstance(rule, NoRule)
-    plan = evolved_plan(network, rule, given=given is not None)
-    search = Search(optimizer, plan, seed, () if after is None else after.log, start)
+    plan = evolved_plan(network, rule, has_network=network_genes is not None)
+    search = Search(optimizer, plan, seed, () if last is None else last.log, start)
 
     def whole(genes: Floats) -> Floats:
-        return complete_genomes(genes, network, rule, given)
+        return complete_genomes(genes, network, rule, network_genes)
 
-    moments = None if after is None else after.moments
-    for number in range(0 if after is None else after.number + 1, generations):
+    moments = None if last is None else last.moments
+    for number in range(0 if last is None else last.number + 1, generations):
         population = whole(search.ask())
         past = None if moments is None else moments[1]
         fitness, success, measures, robot_steps = evaluator.evaluate(population, number, search.measures, past)
@@ -147,24 +147,24 @@ def evolve(
         )
 
 
-def complete_genomes(evolved: Floats, network: Network, rule: Rule, given: Floats | None) -> Floats:
+def complete_genomes(evolved: Floats, network: Network, rule: Rule, network_genes: Floats | None) -> Floats:
     """Genomes of their evolved parts, (genomes, genes), and of the weights that are given, or begin at random."""
-    if given is None:
+    if network_genes is None:
         if rule.initial_weights is not InitialWeights.random:
             return evolved
-        given = np.zeros(network.synapses)
-    return np.hstack([np.tile(given, (len(evolved), 1)), evolved])
+        network_genes = np.zeros(network.synapses)
+    return np.hstack([np.tile(network_genes, (len(evolved), 1)), evolved])
 
 
-def evolved_plan(network: Network, rule: Rule, *, given: bool = False) -> GenomePlan:
+def evolved_plan(network: Network, rule: Rule, *, has_network: bool = False) -> GenomePlan:
     """The parts of the genome that are evolved: all, or those of the rule if the network is given or begins random."""
     plan = make_plan(network, type(rule))
-    if not given and rule.initial_weights is InitialWeights.evolved:
+    if not has_network and rule.initial_weights is InitialWeights.evolved:
         return plan
-    evolved = plan.rule_parts if given else GenomePlan(plan.parts[1:])
+    evolved = plan.rule_parts if has_network else GenomePlan(plan.parts[1:])
     if not evolved.parts:
-        why = "the weights are given" if given else "the initial weights are random"
-        has = "there is no rule" if isinstance(rule, NoRule) else f"rule {name_of(type(rule))} has nothing to evolve"
+        why = "the weights are given" if has_network else "the initial weights are random"
+        has = "there is no rule" if isinstance(rule, NoRule) else f"rule {class_name(type(rule))} has nothing to evolve"
         raise ValueError(f"nothing would be evolved: {why}, and {has}; choose another rule, as hebbian=modulated")
     return evolved
 
@@ -232,7 +232,9 @@ class MazeEvaluator(NamedTuple):
                 learnt += last.reshape(len(population), -1, self.network.synapses).sum(axis=1)
             outcomes = [outcome for outcome, _ in lifetimes]
             bonus = self.training.success_bonus
-            rows = [(one.fitness + bonus * one.success, *(getattr(one, name) for name in names)) for one in outcomes]
+            rows = [
+                (life.fitness + bonus * life.success, *(getattr(life, name) for name in names)) for life in outcomes
+            ]
             results[:, :, loops] = np.array(rows).T.reshape(-1, len(population), len(loops), len(_TRIALS))
             robot_steps += sum(outcome.steps for outcome in outcomes)
         fitness, success = results[:2].reshape(2, len(population), -1).mean(axis=2)
@@ -249,10 +251,10 @@ class MazeEvaluator(NamedTuple):
         if not self.training.rule_off:
             return None
         plan = make_plan(self.network, type(self.controller.rule))
-        own = self._replace(training=replace(self.training, lamarckian=False))
-        pairs = (own, genes), (own._replace(controller=GA_ALONE), plan.pick(genes, plan.network_parts))
+        evaluator = self._replace(training=replace(self.training, lamarckian=False))
+        pairs = (evaluator, genes), (evaluator._replace(controller=GA_ALONE), plan.pick(genes, plan.network_parts))
         fresh = generation + 2 * (self.training.season or 1) * _NEVER  # is in the same season
-        with_rule, without = (float(one.evaluate(some[None], fresh)[0][0]) for one, some in pairs)
+        with_rule, without = (float(measure.evaluate(some[None], fresh)[0][0]) for measure, some in pairs)
         return with_rule, without
 
     def _individuals(self, population: Floats, generation: int, loops: list[int], world: World) -> Iterator[Individual]:
@@ -263,10 +265,10 @@ class MazeEvaluator(NamedTuple):
         lifetimes = list(product(range(len(population)), loops, _TRIALS))
         places = [(generation, 0 if self.shared else who, loop, SIDES.index(side)) for who, loop, side in lifetimes]
         keys = random.keys(self.seed, Stream.training_noise, places)
-        for (who, loop, side), place, key in zip(lifetimes, places, keys, strict=True):
+        for (who, loop, side), path, key in zip(lifetimes, places, keys, strict=True):
             start = world.scenario.maze.start
             if noise:
-                moved = random.rng(self.seed, Stream.training_start, *place).uniform(-1, 1, 3)
+                moved = random.rng(self.seed, Stream.training_start, *path).uniform(-1, 1, 3)
                 start = Pose(*(np.array(start) + noise * _START_SPREAD * moved).tolist())
             yield Individual(
                 genes=population[who],

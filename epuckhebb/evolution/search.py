@@ -17,7 +17,7 @@ import numpy as np
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.errors import PartError
 from epuckhebb.controller.genome import GenomePlan
-from epuckhebb.controller.own_class import calling, is_own
+from epuckhebb.controller.own_class import calling, is_user_class
 from epuckhebb.evolution.optimizer import Algorithm, Optimizer
 from epuckhebb.tmaze.own_fitness import OF_OUTCOME
 
@@ -79,18 +79,18 @@ class Search:
         """Give the optimizer their results; measures by name."""
         if LEARNT in measures:
             self._do("inherit", measures[LEARNT].copy())
-        given = {_FITNESS: fitness, **measures}
+        results = {_FITNESS: fitness, **measures}
         names = inspect.signature(self._optimizer.tell).parameters
-        self._do("tell", **{name: given[name].copy() for name in names})  # which the optimizer may change
+        self._do("tell", **{name: results[name].copy() for name in names})  # which the optimizer may change
         self._fittest = self._population[[np.argmax(fitness)]]
         self.log = (*self.log, Results(self._digest, fitness, measures))
 
     def candidates(self) -> Floats:
         """Candidates for the champion after this generation, (candidates, genes)."""
-        given = self._do("candidates")
-        if given is None:
+        candidates = self._do("candidates")
+        if candidates is None:
             return self._fittest
-        return self._genomes("candidates", np.atleast_2d(given))
+        return self._genomes("candidates", np.atleast_2d(candidates))
 
     def tables(self) -> dict[str, "pd.DataFrame"]:
         """What the optimizer has to show, by name."""
@@ -99,22 +99,22 @@ class Search:
             raise PartError(f"optimizer {self._settings.name}: `tables` must return data frames by name")
         return dict(tables)
 
-    def _genomes(self, method: str, given: Any, most: float = math.inf) -> Floats:
+    def _genomes(self, method: str, returned: Any, most: float = math.inf) -> Floats:
         """Genomes that a method of the optimizer gave, (rows, genes), as an array of their own."""
         optimizer: Any = self._settings
         genes = self._plan.genes
         with suppress(TypeError, ValueError, OverflowError):
-            genomes = np.array(given, np.float64)
-            is_limited = isinstance(optimizer, Optimizer) and is_own(type(optimizer))
+            genomes = np.array(returned, np.float64)
+            is_limited = isinstance(optimizer, Optimizer) and is_user_class(type(optimizer))
             limit = optimizer.limits(self._plan) if is_limited else math.inf
             if genomes.ndim == 2 and 1 <= len(genomes) <= most and genomes.shape[1] == genes:
                 if (np.abs(genomes) <= limit).all() and np.isfinite(genomes).all():
                     return genomes
-                given = f"{genomes.min():g} to {genomes.max():g}"
+                returned = f"{genomes.min():g} to {genomes.max():g}"
             else:
-                given = f"shape {genomes.shape}"
+                returned = f"shape {genomes.shape}"
         needed = f"1 to {most:g} genomes of {genes} finite numbers within optimizer.gene_limit"
-        raise PartError(f"optimizer {optimizer.name}: `{method}` must return {needed}, got {given}")
+        raise PartError(f"optimizer {optimizer.name}: `{method}` must return {needed}, got {returned}")
 
     def _do(self, method: str, *arguments: Any, **named: Any) -> Any:
         """Call a method of the optimizer."""

@@ -11,10 +11,10 @@ import numpy as np
 
 from epuckhebb.analysis.tables import Rows
 from epuckhebb.config import KINDS, Checked, alternatives, environment_of_run, format_overrides, override_value, quoted
-from epuckhebb.controller.compiling.sources import own_code
+from epuckhebb.controller.compiling.sources import user_code
 from epuckhebb.controller.genome import GenomePlan, make_plan
 from epuckhebb.controller.network import Network
-from epuckhebb.controller.own_class import name_of
+from epuckhebb.controller.own_class import class_name
 from epuckhebb.controller.plasticity.control import Control
 from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, Rule, evolved_sizes
 from epuckhebb.runs import hydra
@@ -53,7 +53,7 @@ class PreparedEvaluation:
         for controller in (GA_ALONE, *self.config.controllers):
             nominal = genome.nominal_sha256 if controller.adaptation.acts else ""
             depends = *everywhere, controller, nominal
-            ids[controller.name] = digest([repr(depends), own_code(depends)])
+            ids[controller.name] = digest([repr(depends), user_code(depends)])
         return ids
 
 
@@ -72,11 +72,11 @@ def check_rules(genome: Genome, network: Network, rules: Iterable[tuple[str, Rul
                 raise ConfigError(f"{name}: {draws}; keep the rule, with hebbian.N=0, or N: 0 in compare")
             continue
         missing = [name for name, size in evolved_sizes(kind, network).items() if sizes.get(name) != size]
-        is_other = genome.rule not in ("", name_of(kind)) or rule.initial_weights is not initial_weights
+        is_other = genome.rule not in ("", class_name(kind)) or rule.initial_weights is not initial_weights
         if missing or (genome.plan.rule_parts.parts and is_other):
             evolved = f"rule {genome.rule or 'none'} with hebbian.initial_weights={initial_weights.name}"
             has = f"genome={genome.name} has {genome.plan.text()}, of {evolved}"
-            raise ConfigError(f"{name} has rule {name_of(kind)}, and {has}")
+            raise ConfigError(f"{name} has rule {class_name(kind)}, and {has}")
         _check_limits(genome, make_plan(network, kind))
         if rule.sign_draw and rule.control is Control.none and genome.signs is not None:
             evolved = f"genome={genome.name} keeps the shuffled signs with which it evolved"

@@ -24,7 +24,7 @@ from epuckhebb.config import (
 )
 from epuckhebb.controller.genome import GenomePlan, make_plan
 from epuckhebb.controller.network import Network
-from epuckhebb.controller.own_class import name_of
+from epuckhebb.controller.own_class import class_name
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.plasticity.rule import NoRule
 from epuckhebb.evolution.evolve import Generation, complete_genomes, evolve, training_signs
@@ -114,7 +114,7 @@ class PreparedEvolution:
             after,
             network=self.network,
             rule=config.rule,
-            given=self.given,
+            network_genes=self.given,
             start=self.start[1] if self.start else None,
         )
         with bar("generation", count, after.number + 1 if after else 0, quiet=quiet) as shown:
@@ -151,7 +151,7 @@ class PreparedEvolution:
             network=self.network,
             plan=self.plan,
             optimizer=config.algorithm.name,
-            rule="" if isinstance(rule, NoRule) else name_of(type(rule)),
+            rule="" if isinstance(rule, NoRule) else class_name(type(rule)),
             start=self.start_text,
             signs=training_signs(rule, self.network, config.seed) if rule.sign is Sign.shuffled else None,
             nominal=nominal,
@@ -197,7 +197,7 @@ def _named(key: str, config: Any) -> Genome:
 def _start_genes(first: Genome, config: Any) -> NDArray[np.float64]:
     """The genes at which evolution begins; what the champion has not, or of another rule, begins at 0."""
     plan, algorithm = config.plan, config.algorithm
-    own = first.plan if first.rule == name_of(type(config.rule)) else first.plan.network_parts
+    own = first.plan if first.rule == class_name(type(config.rule)) else first.plan.network_parts
     genes = own.split(first.plan.pick(first.genes, own))
     start = np.concatenate([genes.get(part.name, np.zeros(part.size)) for part in plan.parts])
     limit = getattr(algorithm, "gene_limit", np.inf)

@@ -57,7 +57,7 @@ class Maze(World):
             "experiment": world.experiment,
             "training": config.training.name,
             "task": "" if world.task == ONE_TRIAL else world.task.name,
-            "fitness_function": world.fitness.name if world.fitness.is_own else "",
+            "fitness_function": world.fitness.name if world.fitness.is_custom else "",
             "sensors": reading_names(world.robot.sensors),
             "physics": "" if world.physics.name == PYMUNK.name else world.physics.name,
         }

@@ -120,7 +120,7 @@ def measure_outcomes(
         [math.dist(pose[:2], other_goal) < radius for pose in poses],
     )
     outcomes = list(map(Outcome, *columns))
-    if world.fitness.is_own:
+    if world.fitness.is_custom:
         for k, outcome in enumerate(outcomes):
             facts = {**outcome._asdict(), "paper": outcome.fitness, "trials": readonly(trials[k])}
             outcomes[k] = outcome._replace(fitness=world.fitness.judge_lifetime(facts, lives.score[k]))

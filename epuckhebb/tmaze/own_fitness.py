@@ -103,15 +103,15 @@ class Fitness(OwnClass):
     @property
     def name(self) -> str:
         """What it is called: `paper`, or as its class."""
-        return type(self).__name__ if self.is_own else PAPER
+        return type(self).__name__ if self.is_custom else PAPER
 
     @property
-    def is_own(self) -> bool:
+    def is_custom(self) -> bool:
         """Whether it is another than the paper's."""
         return type(self) is not Fitness
 
     @classmethod
-    def known(cls, method: str) -> Collection[str]:
+    def allowed_arguments(cls, method: str) -> Collection[str]:
         """The names of the arguments that a method may have; none where they are fixed."""
         return _OF_STEP if method == "step" else (*(_WITH_STEP if cls.step else ()), *_OF_LIFE, *_OF_EPISODE)
 

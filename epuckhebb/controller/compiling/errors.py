@@ -52,7 +52,7 @@ def explained(parts: Sequence[Any], error: Exception) -> PartError:
         reason = ["it makes an array, and may have only numbers: put what it stores into its state"]
     if _WRITES in text:
         reason = ["it writes into an array that it is handed, and others read it after it: write into its state"]
-    if found := re.search(f"{MUST_GIVE_A_NUMBER}.*", text):
-        reason = [f"{' or '.join(f'`{part.METHODS[0]}`' for part in parts if part.METHODS)} {found[0]}"]
+    if match := re.search(f"{MUST_GIVE_A_NUMBER}.*", text):
+        reason = [f"{' or '.join(f'`{part.METHODS[0]}`' for part in parts if part.METHODS)} {match[0]}"]
     lines = [f"{names} does not compile:", *dict.fromkeys(reason)][:_LINES]
     return NotCompiledError((" " if len(lines) == 2 else "\n").join(lines))

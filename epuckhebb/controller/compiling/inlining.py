@@ -73,8 +73,8 @@ class CheckedCompiler(Compiler):
 
     def compile_extra(self, func: Any) -> Any:
         """Compile with the setting that NUMBA_BOUNDSCHECK has; the option `boundscheck` leaves out what is called."""
-        before, settings.BOUNDSCHECK = settings.BOUNDSCHECK, 1
+        previous, settings.BOUNDSCHECK = settings.BOUNDSCHECK, 1
         try:
             return super().compile_extra(func)
         finally:
-            settings.BOUNDSCHECK = before
+            settings.BOUNDSCHECK = previous

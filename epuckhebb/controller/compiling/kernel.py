@@ -71,8 +71,8 @@ def written(arguments: str, expression: str, names: dict[str, Any]) -> Any:
     return compiled(eval(f"lambda {arguments}: {expression}", names))
 
 
-def in_turn(function: Callable[..., None], constants: Iterable[tuple[int, ...]], arguments: str) -> Any:
-    """A building block that calls another one in turn: with each of these constants, then with its own arguments.
+def call_each(function: Callable[..., None], constants: Iterable[tuple[int, ...]], arguments: str) -> Any:
+    """A building block that calls another one once with each row of constants, which stand before its own arguments.
 
     A few calls are written out, because numbers in the code become constants of the machine code; many are a loop.
 
@@ -83,13 +83,13 @@ def in_turn(function: Callable[..., None], constants: Iterable[tuple[int, ...]],
         calls = "".join(f"function({', '.join(map(str, numbers))}, {arguments}), " for numbers in rows)
         return written(arguments, f"({calls})", parts)
     table, count = np.array(rows), len(rows)
-    numbers = ", ".join(f"table[k, {place}]" for place in range(len(rows[0])))
+    numbers = ", ".join(f"table[k, {column}]" for column in range(len(rows[0])))
     call = written(f"table, k, {arguments}", f"function({numbers}, {arguments})", parts)
 
     @compiled
-    def loop(*given: Any) -> None:
+    def loop(*values: Any) -> None:
         for k in range(count):
-            call(table, k, *given)
+            call(table, k, *values)
 
     return loop
 
@@ -127,14 +127,14 @@ class SameTypes:
 
     def _first(self, *arguments: object) -> None:
         self._kernel(*arguments)
-        known = list(self._kernel.overloads.values())
-        if len(known) == 1:  # the one that was called
-            self.call = known[0].entry_point
+        signatures = list(self._kernel.overloads.values())
+        if len(signatures) == 1:  # the one that was called
+            self.call = signatures[0].entry_point
 
 
 def _stored(made: types.FunctionType, key: str) -> Any:
     """A kernel whose machine code is kept on disk; None if no folder can be written to."""
-    folder, before = _cache_folder(key), _settings.CACHE_DIR
+    folder, previous = _cache_folder(key), _settings.CACHE_DIR
     if folder is None:
         return None
     try:
@@ -143,7 +143,7 @@ def _stored(made: types.FunctionType, key: str) -> Any:
     except (OSError, RuntimeError):  # the folder is gone, full or read-only by now
         return None
     finally:
-        _settings.CACHE_DIR = before
+        _settings.CACHE_DIR = previous
     if not Path(dispatcher.stats.cache_path).is_relative_to(folder):  # numba has looked for another place
         return None
     _tolerate_damage(dispatcher._cache)

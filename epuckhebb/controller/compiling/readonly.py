@@ -23,7 +23,7 @@ def map_arrays(value: Any, make: Callable[[Any], Any]) -> Any:
     if isinstance(value, np.ndarray):
         return make(value)
     if isinstance(value, tuple):
-        values = [map_arrays(one, make) for one in value]
+        values = [map_arrays(item, make) for item in value]
         return type(value)(*values) if hasattr(value, "_fields") else tuple(values)
     return value
 
@@ -38,7 +38,7 @@ def _map_type(kind: Any) -> Any:
     if isinstance(kind, types.Array):
         return kind.copy(readonly=True)
     if isinstance(kind, _RECORD):
-        return _TUPLE.from_types([_map_type(one) for one in kind.types], kind.instance_class)
+        return _TUPLE.from_types([_map_type(member) for member in kind.types], kind.instance_class)
     return kind
 
 

@@ -46,18 +46,18 @@ def _inline(result: Any, instructions: Callable[..., Any]) -> Callable[[Any], An
     instructions: a function of LLVM's builder and of the arguments, arrays as pointers to their numbers.
     """
 
-    def typed(*given: Any) -> Any:
+    def typed(*arguments: Any) -> Any:
         def written(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
             operands = [
                 _numba.core.cgutils.create_struct_proxy(kind)(context, builder, value=value).data
                 if isinstance(kind, types.Array)
                 else value
-                for kind, value in zip(given, values, strict=True)
+                for kind, value in zip(arguments, values, strict=True)
             ]
             made = instructions(builder, *operands)
             return context.get_dummy_value() if result is types.none else made
 
-        return result(*given), written
+        return result(*arguments), written
 
     def attach(plain: Any) -> Any:
         names = ", ".join(inspect.signature(plain).parameters)
@@ -79,8 +79,8 @@ def _place(builder: Any, numbers: Any, first: Any) -> Any:
 
 def _copies(builder: Any, number: Any) -> Any:
     index = ir.IntType(32)
-    one = builder.insert_element(ir.Constant(_vector(ir.DoubleType()), [0.0] * WIDTH), number, ir.Constant(index, 0))
-    return builder.shuffle_vector(one, one, ir.Constant(_vector(index), [0] * WIDTH))
+    first = builder.insert_element(ir.Constant(_vector(ir.DoubleType()), [0.0] * WIDTH), number, ir.Constant(index, 0))
+    return builder.shuffle_vector(first, first, ir.Constant(_vector(index), [0] * WIDTH))
 
 
 def whole(count: int) -> int:
@@ -107,12 +107,12 @@ def write(numbers: Floats, first: int, four: Any) -> None:
 
 
 @_inline(_FOUR, lambda builder, one, other: builder.fmul(one, other))
-def times(one: Any, other: Any) -> Any:
+def times(left: Any, right: Any) -> Any:
     """The products of four numbers and four others."""
-    return one * other
+    return left * right
 
 
 @_inline(_FOUR, lambda builder, one, other: builder.fadd(one, other))
-def plus(one: Any, other: Any) -> Any:
+def plus(left: Any, right: Any) -> Any:
     """The sums of four numbers and four others."""
-    return one + other
+    return left + right

@@ -38,14 +38,14 @@ class UnknownSourceError(ValueError):
 def kernel_key(values: object) -> str:
     """Sixteen hexadecimal digits for a kernel. values: all that its parts are made from, as tuples and dataclasses."""
     text = re.sub(rf"{OWN_PACKAGE}\w+", "own", repr(values))  # wherever the user's file is
-    others = [name for name in _packages(values) if not name.startswith(OWN_PACKAGE)]
-    if others or " at 0x" in text or "<locals>" in text:  # what a function makes holds values of which no file tells
-        raise UnknownSourceError(f"the sources of {', '.join(others) or text} are not known")
-    return _digest(_science(), own_code(values), text)
+    packages = [name for name in _packages(values) if not name.startswith(OWN_PACKAGE)]
+    if packages or " at 0x" in text or "<locals>" in text:  # what a function makes holds values of which no file tells
+        raise UnknownSourceError(f"the sources of {', '.join(packages) or text} are not known")
+    return _digest(_science(), user_code(values), text)
 
 
-def own_code(values: object) -> str:
-    """A digest of the users' files that the classes of these values are from, and of the places of these classes."""
+def user_code(values: object) -> str:
+    """A digest of the users' files that the classes of these values are from, and of where these classes are."""
     digests = []
     for package in _packages(values):
         beside = loaded_sources(package).values() if package.startswith(OWN_PACKAGE) else ()
@@ -55,7 +55,7 @@ def own_code(values: object) -> str:
             for part in (name.partition(".")[2], *_held(module))
         )
         digests.append(_digest(*beside, *held, *(content for _, content in sorted(sources_elsewhere(package).items()))))
-    return _digest(*sorted(digests), *(place for kind in _foreign(values) for place in _places(kind)))
+    return _digest(*sorted(digests), *(location for kind in _foreign(values) for location in _places(kind)))
 
 
 def loaded_modules(package: str) -> dict[str, ModuleType]:
@@ -69,7 +69,7 @@ def loaded_sources(package: str) -> dict[Path, bytes]:
     return {Path(file): _imported_content(module, Path(file)) for module, file in files.items() if file}
 
 
-def file_of(module: ModuleType | None) -> Path | None:
+def module_file(module: ModuleType | None) -> Path | None:
     """The file of a module; None without one, as of those that a library makes: `torch.ops` names `_ops.py` as its."""
     file = Path(getattr(module, "__file__", None) or "")
     return file.resolve() if file.is_file() else None
@@ -87,7 +87,7 @@ def sources_elsewhere(package: str) -> dict[str, bytes]:
         for value in list(vars(waiting.pop()).values()):
             name = value.__name__ if isinstance(value, ModuleType) else str(getattr(value, "__module__", None))
             used = sys.modules.get(name)
-            if used is None or name in seen or name.startswith(OWN_PACKAGE) or not (file := file_of(used)):
+            if used is None or name in seen or name.startswith(OWN_PACKAGE) or not (file := module_file(used)):
                 continue
             seen.add(name)
             if not is_installed(file):
@@ -123,7 +123,9 @@ def _places(kind: type) -> list[str]:
     A class that none holds, as one in a list of a notebook, is known in this process alone.
     """
     modules = loaded_modules(kind.__module__.partition(".")[0]).items()
-    held = ((module.partition(".")[2], name, value) for module, one in modules for name, value in vars(one).items())
+    held = (
+        (module.partition(".")[2], name, value) for module, content in modules for name, value in vars(content).items()
+    )
     return [f"{module} {name}" for module, name, value in held if value is kind] or [str(id(kind))]
 
 

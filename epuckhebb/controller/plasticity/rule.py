@@ -12,7 +12,7 @@ from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.readonly import readonly
 from epuckhebb.controller.evolved import Evolved
 from epuckhebb.controller.network import Network
-from epuckhebb.controller.own_class import OwnClass, name_of
+from epuckhebb.controller.own_class import OwnClass, class_name
 from epuckhebb.controller.plasticity.control import DRAWS, Control, Sign
 from epuckhebb.controller.ranges import within
 from epuckhebb.controller.wiring import Wiring
@@ -167,7 +167,7 @@ class Rule(OwnClass):
         return parameters
 
     @classmethod
-    def known(cls, method: str) -> Collection[str]:  # noqa: ARG003  # it has one
+    def allowed_arguments(cls, method: str) -> Collection[str]:  # noqa: ARG003  # it has one
         """The names of the arguments that a method may have; none where they are fixed."""
         return [*QUANTITIES, *coefficient_names(cls)]
 
@@ -214,7 +214,7 @@ def evolvable_parameters(rule: type[Rule], network: Network) -> dict[str, Evolve
     return {**rule.evolved, **(rule.with_reward if network.rewarded else {})}
 
 
-def values_of(rule: type[Rule], network: Network, genes: Mapping[str, Floats]) -> dict[str, Floats]:
+def part_values(rule: type[Rule], network: Network, genes: Mapping[str, Floats]) -> dict[str, Floats]:
     """The values of all parts of a genome by name: the genes, or what `Evolved.value` makes of them."""
     values = dict(genes)
     for name, evolved in evolvable_parameters(rule, network).items():
@@ -253,7 +253,7 @@ def check_layers(rule: type[Rule], network: Network) -> None:
     why = f"has {needs[0]} for each layer" if needs else ""
     why = "has a modulatory neuron, which receives the layer before the wheels" if modulator_name(rule) else why
     if why:
-        raise ValueError(f"rule {name_of(rule)} {why}; network.wiring={network.wiring.name} has no layers")
+        raise ValueError(f"rule {class_name(rule)} {why}; network.wiring={network.wiring.name} has no layers")
 
 
 def coefficients(rule: type[Rule], network: Network, genes: Mapping[str, Floats]) -> Floats:
@@ -284,7 +284,7 @@ def modulatory_weights(rule: type[Rule], genes: Mapping[str, Floats], reward: Re
     name = modulator_name(rule)
     if name is None:
         return np.empty(0)
-    of_reward = [genes[one] for one, evolved in rule.with_reward.items() if evolved.per == REWARD and one in genes]
+    of_reward = [genes[key] for key, evolved in rule.with_reward.items() if evolved.per == REWARD and key in genes]
     sign = -1.0 if reward is Reward.inverted else 1.0
     return np.concatenate([genes[name], *(sign * weight for weight in of_reward)])
 

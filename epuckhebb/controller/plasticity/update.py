@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.compiling.kernel import compiled, in_turn, nothing, one, written, zero
+from epuckhebb.controller.compiling.kernel import call_each, compiled, nothing, one, written, zero
 from epuckhebb.controller.compiling.simd import WIDTH, alike, read, times, write
 from epuckhebb.controller.forward_pass import forward_pass
 from epuckhebb.controller.network import Network, split_layers, tanh
@@ -87,7 +87,7 @@ def _filled(network: Network, quantity: int) -> Fill:
             for j in range(vectors * WIDTH, outputs):
                 row[first + i * outputs + j] = single(activation, pre + i, post + j)
 
-    fill: Fill = in_turn(fill_layer, network.vectors, "activation, room")
+    fill: Fill = call_each(fill_layer, network.vectors, "activation, room")
     return fill
 
 
@@ -222,8 +222,8 @@ def pausing(rule: type[Rule], schedule: Schedule) -> Any:
     """The function `is_due(step, numbers)`: whether a step has an update. numbers: the settings of the rule."""
     if not schedule.pauses:
         return _always
-    place = rule.settings().index("every")
-    return compiled(lambda step, numbers: (step + 1) % numbers[place] == 0.0)
+    index = rule.settings().index("every")
+    return compiled(lambda step, numbers: (step + 1) % numbers[index] == 0.0)
 
 
 def make_update(rule: type[Rule], network: Network, schedule: Schedule = EVERY_STEP) -> Update:
@@ -238,7 +238,8 @@ def make_update(rule: type[Rule], network: Network, schedule: Schedule = EVERY_S
     rule.check_class()
     names, By = rule.arguments("synapse"), namedtuple_of("By", rule.settings())
     evolved = coefficient_names(rule)
-    alike = all(one.per not in ("layer", "synapse", "neuron") for one in rule.evolved.values())  # of all synapses
+    # Whether all synapses have the same coefficients.
+    alike = not {"layer", "synapse", "neuron"} & {parameter.per for parameter in rule.evolved.values()}
     how = {
         "correlation": f"room[{CORRELATION}, k]",
         "pre": f"room[{PRE}, k]",
@@ -254,9 +255,9 @@ def make_update(rule: type[Rule], network: Network, schedule: Schedule = EVERY_S
         "by": "by",
         **{name: f"alike[{row}]" if alike else f"genotype.coefficients[{row}, k]" for row, name in enumerate(evolved)},
     }
-    given = "k, weights, synapse_state, genotype, alike, now, room, by"
-    call = make_call(rule.synapse, names, how, given)
-    direction = written(given, f"number(call({given}))", {"number": number, "call": call})
+    arguments = "k, weights, synapse_state, genotype, alike, now, room, by"
+    call = make_call(rule.synapse, names, how, arguments)
+    direction = written(arguments, f"number(call({arguments}))", {"number": number, "call": call})
     # Coefficients that all synapses share are read once.
     read = "".join(f"coefficients[{row}, 0], " for row in range(len(evolved))) if alike and evolved else "0.0,"
     read_alike = written("coefficients", f"({read})", {})
@@ -265,7 +266,7 @@ def make_update(rule: type[Rule], network: Network, schedule: Schedule = EVERY_S
     fill_correlation = _filled(network, CORRELATION) if "correlation" in names else nothing
     normalises, normalise = schedule.normalise is not Normalise.none, nothing
     if normalises:
-        normalise = in_turn(_NORMALISE[schedule.normalise], network.connections, "weights, lengths, w_max")
+        normalise = call_each(_NORMALISE[schedule.normalise], network.connections, "weights, lengths, w_max")
     synapses, total = network.synapses, make_total(network)
 
     @compiled

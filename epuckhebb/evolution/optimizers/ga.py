@@ -122,8 +122,8 @@ class GA(Algorithm):
         ga = replace(self, mutation_rate=self.hypermutation) if has_fallen and self.hypermutation else self
         self._individuals = next_generation(self._rng, self._individuals, fitness, ga, self._plan)
         immigrants = initial(self._rng, round(self.immigrants * self.population), self._plan)
-        for place, newcomer in enumerate([*returning, *immigrants], 1):
-            self._individuals[-place] = newcomer
+        for row, newcomer in enumerate([*returning, *immigrants], 1):
+            self._individuals[-row] = newcomer
 
 
 def next_generation(rng: np.random.Generator, population: Floats, fitness: Floats, ga: GA, plan: GenomePlan) -> Floats:

@@ -87,15 +87,15 @@ class OpenEs(EvolutionStrategy):
         """Cluster the rules into half as many; the synapses of a cluster then have its centre as their rule."""
         from scipy.cluster.vq import kmeans2
 
-        firsts, place = np.unique(self._rule_of, return_inverse=True)
+        firsts, number = np.unique(self._rule_of, return_inverse=True)
         rules = mean[self._rules[:, firsts]].T
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a cluster may be empty
             centres, cluster = kmeans2(
                 rules, -(-len(rules) // 2), minit="++", rng=random.rng(self._seed, Stream.merging, self._generations)
             )
-        mean[self._rules] = centres[cluster[place]].T
-        _, first, cluster_of = np.unique(cluster[place], return_index=True, return_inverse=True)
+        mean[self._rules] = centres[cluster[number]].T
+        _, first, cluster_of = np.unique(cluster[number], return_index=True, return_inverse=True)
         self._rule_of = first[cluster_of]
 
 

@@ -54,7 +54,7 @@ def _untie(ranked: Floats, losses: Floats) -> Floats:
     shared = np.array([weights[begin : end + 1].mean() for begin, end in zip(first, last, strict=True)])
     middle = (shared[:, None] * ranked).sum(axis=0)
     spread = np.sqrt((shared[:, None] * (ranked - middle) ** 2).sum(axis=0))
-    (one, two), points = weights[:2], np.tile(middle, (len(ranked), 1))
-    points[0] += spread * np.sqrt(two / (one * (one + two)))
-    points[1] -= spread * np.sqrt(one / (two * (one + two)))
+    (largest, second), points = weights[:2], np.tile(middle, (len(ranked), 1))
+    points[0] += spread * np.sqrt(second / (largest * (largest + second)))
+    points[1] -= spread * np.sqrt(largest / (second * (largest + second)))
     return points

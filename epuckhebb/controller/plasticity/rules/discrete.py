@@ -83,6 +83,6 @@ class Discrete(Rule):
         a_i = 1.0 if post > threshold else 0.0
         better = 1.0 if fitness > high else 0.0
         worse = 1.0 - better if fitness < low else 0.0  # sums of products, as branches would cost more
-        both, alone = better * both_better + worse * both_worse, better * pre_better + worse * pre_worse
-        other, none = better * post_better + worse * post_worse, better * none_better + worse * none_worse
-        return both * a_j * a_i + alone * a_j + other * a_i + none
+        both, pre_alone = better * both_better + worse * both_worse, better * pre_better + worse * pre_worse
+        post_alone, none = better * post_better + worse * post_worse, better * none_better + worse * none_worse
+        return both * a_j * a_i + pre_alone * a_j + post_alone * a_i + none
