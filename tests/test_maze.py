@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from epuckhebb.tmaze.life import Lifetime
-from epuckhebb.tmaze.lifetime import is_in
+from epuckhebb.tmaze.lifetime import contains
 from epuckhebb.tmaze.maze import (
     SIDES,
     T_MAZE,
@@ -27,11 +27,11 @@ from epuckhebb.tmaze.scenario import Scenario
 @pytest.mark.parametrize(("side", "sign"), [("left", -1), ("right", 1)])
 def test_the_correct_arm_is_the_one_with_the_goal(side, sign):
     arm = T_MAZE.arms[side]
-    assert is_in(arm, *T_MAZE.goals[side])
-    assert is_in(arm, sign * 0.09, 0.11)
-    assert not is_in(arm, -sign * 0.09, 0.11)
-    assert not is_in(arm, sign * 0.09, 0.09)
-    assert not is_in(arm, sign * 0.07, 0.11)
+    assert contains(arm, *T_MAZE.goals[side])
+    assert contains(arm, sign * 0.09, 0.11)
+    assert not contains(arm, -sign * 0.09, 0.11)
+    assert not contains(arm, sign * 0.09, 0.09)
+    assert not contains(arm, sign * 0.07, 0.11)
 
 
 def test_obstacles_leave_3_mm_on_each_side():

@@ -186,7 +186,7 @@ def make_individuals(
             yoking=yokings[number],
             nominal=of_side.get(side),
             record=repeat == 0,
-            after=replace(individual(number, "left", repeat), record=False) if carries else None,
+            previous=replace(individual(number, "left", repeat), record=False) if carries else None,
         )
 
     return [individual(number, side, repeat) for number, side, repeat in lifetimes]

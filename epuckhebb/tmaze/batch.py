@@ -44,31 +44,32 @@ def run_lifetimes(
         NotCompiledError: a rule does not compile.
         LostRobotError: a pose or a weight stopped being finite; the message says whose and when.
     """
-    rules = [one.controller.rule for one in individuals if not one.controller.adaptation.acts]
+    rules = [individual.controller.rule for individual in individuals if not individual.controller.adaptation.acts]
     fallback_rule = next((rule for rule in rules if not isinstance(rule, NoRule) and not rule.evolved), Paper())
 
-    kept = int(weight_path or any(one.controller.rule.control is not Control.none for one in individuals))
+    kept = int(weight_path or any(individual.controller.rule.control is not Control.none for individual in individuals))
 
     simulators = [Simulator(scenario, lifetime, fallback_rule, kept)]  # those that no thread uses
     sensors, can_place = user_classes(scenario.robot.sensors), scenario.physics.placer() is not None
     can_share = can_place and len(simulators[0].phases) == 1 and scenario.put is None and not sensors
     alike: dict[object, list[int]] = {}
-    for number, one in enumerate(individuals):
-        is_alone = not can_share or (one.record and lifetime.record_every) or one.after or one.master
-        start = one.start if scenario.task.has_trials else None
-        kind = id(one.controller), id(one.network), one.side, id(one.signs), id(one.nominal), start
+    for number, individual in enumerate(individuals):
+        is_recorded = individual.record and lifetime.record_every
+        is_alone = not can_share or is_recorded or individual.previous or individual.master
+        shared = individual.controller, individual.network, individual.signs, individual.nominal
+        kind = *map(id, shared), individual.side, individual.start if scenario.task.has_trials else None
         alike.setdefault(number if is_alone else kind, []).append(number)
-    synapses = max((one.network.synapses for one in individuals), default=1)
+    synapses = max((individual.network.synapses for individual in individuals), default=1)
     size = max(1, min(_LIFETIMES_PER_STAGE, _SYNAPSES_PER_STAGE // synapses, -(-len(individuals) // threads)))
     blocks = [numbers[first : first + size] for numbers in alike.values() for first in range(0, len(numbers), size)]
 
-    def in_turn(block: list[int]) -> tuple[list[Outcome], Samples]:
+    def run_block(block: list[int]) -> tuple[list[Outcome], Samples]:
         try:
             simulator = simulators.pop()
         except IndexError:
             simulator = Simulator(scenario, lifetime, fallback_rule, kept)
-        first, *others = (individuals[number] for number in block)
-        session = Session(first, scenario, lifetime, simulator=simulator, others=others)
+        first, *rest = (individuals[number] for number in block)
+        session = Session(first, scenario, lifetime, simulator=simulator, others=rest)
         session.step(lifetime.steps)
         simulators.append(simulator)
         return session.block.outcomes(), session.samples
@@ -76,7 +77,7 @@ def run_lifetimes(
     done: dict[int, tuple[Outcome, Samples]] = {}
     # A pool even for one thread: Ctrl-C while numba builds a result would crash the process.
     with ThreadPoolExecutor(threads) as pool:
-        for block, (outcomes, samples) in zip(blocks, pool.map(in_turn, blocks), strict=True):
+        for block, (outcomes, samples) in zip(blocks, pool.map(run_block, blocks), strict=True):
             done.update(zip(block, ((outcome, samples) for outcome in outcomes), strict=True))
     return [done[number] for number in range(len(individuals))]
 
@@ -109,15 +110,15 @@ def load_kernel(
         key=np.uint64(0),
         record=True,
     )
-    own = user_parts(dummy, world)
-    duration_s, gain = _TRIED_S if own else STEP_S, min(1.0, world.robot.motor_limit_rad_s)
+    parts = user_parts(dummy, world)
+    duration_s, gain = _TRIED_S if parts else STEP_S, min(1.0, world.robot.motor_limit_rad_s)
     lifetime = Lifetime(duration_s=duration_s, gain_rad_s=gain, record_every=1)
-    named = " or ".join(f"{part.KEY} ({part.what()})" for part in own)
+    named = " or ".join(f"{part.KEY} ({part.what()})" for part in parts)
     try:
-        lifetimes = (run_lifetimes([dummy], world, lifetime, weight_path=weight_path) for _ in range(2 if own else 1))
+        lifetimes = (run_lifetimes([dummy], world, lifetime, weight_path=weight_path) for _ in range(2 if parts else 1))
         first, *again = (done for (done,) in lifetimes)
     except (Exception, SystemExit) as error:  # what a user's own part may raise has no end
-        if not own or isinstance(error, PartError | LostRobotError):
+        if not parts or isinstance(error, PartError | LostRobotError):
             raise
         raise ValueError(f"{named} failed: {type(error).__name__}: {error}") from error
     if again and _content(first) != _content(again[0]):
@@ -125,5 +126,6 @@ def load_kernel(
 
 
 def _content(result: tuple[Outcome, Samples]) -> list[bytes]:
+    """All numbers of a lifetime as bytes, to be compared with those of another one: nan is equal to nan there."""
     outcome, samples = result
     return [np.asarray(value).tobytes() for value in (*outcome, outcome.trials, *samples)]

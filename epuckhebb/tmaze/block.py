@@ -53,11 +53,11 @@ class Block:
         self._who, self._lifetime, self.world = individuals[0], lifetime, simulator.phases[0].scenario
         who = self._who
         self._first = world = self.world
-        self.kind = kind = simulator.kind_of(who.controller, who.network)
+        self.kind = kind = simulator.kind(who.controller, who.network)
         self._nominal = who.nominal if who.controller.adaptation.acts else None
         self._is_usual = self._nominal is None and history is None
         self.history = history or initial_history(who.controller.rule)
-        self.starts = [world.maze.start if one.start is None else one.start for one in individuals]
+        self.starts = [world.maze.start if individual.start is None else individual.start for individual in individuals]
         self._rows, self.lives = stack_rows(self._initial_lives(individuals), len(individuals))
         self._poses, last = np.array(self.starts, float), map_arrays(self.lives, lambda array: array[-1])
         genotype = last.genotype._replace(synapse_state=kind.synapse_state, signs=self._signs())
@@ -75,19 +75,19 @@ class Block:
 
     def _signs(self) -> Floats:
         """The signs of updates; a ValueError if they do not fit."""
-        who, own = self._who, self.kind.signs
-        signs, synapses = own if who.signs is None else who.signs, who.network.synapses
+        who, default = self._who, self.kind.signs
+        signs, synapses = default if who.signs is None else who.signs, who.network.synapses
         if signs is None or signs.shape != (synapses,):
-            given = "none" if signs is None else signs.size
-            raise ValueError(f"sign=shuffled needs Individual.signs, {synapses} signs of updates, got {given}")
+            count = "none" if signs is None else signs.size
+            raise ValueError(f"sign=shuffled needs Individual.signs, {synapses} signs of updates, got {count}")
         return np.ascontiguousarray(signs, float)
 
     def _initial_lives(self, individuals: Sequence[Individual]) -> Any:
         """What the lifetimes carry before their first step, but for what they may share."""
         who, kind, world = self._who, self.kind, self.world
-        keys = np.array([one.key for one in individuals], np.uint64)
+        keys = np.array([individual.key for individual in individuals], np.uint64)
         states = initial_states(
-            np.array([one.genes for one in individuals]),
+            np.array([individual.genes for individual in individuals]),
             kind.plan,
             who.network,
             who.controller.rule,
@@ -102,7 +102,7 @@ class Block:
             "track": np.full(1, math.nan if kind.kept is None else 0.0),
         }
         different = individuals if world.task.has_trials else individuals[:1]
-        drawn = [world.task.initial_trials(one.side, one.task_key) for one in different]
+        drawn = [world.task.initial_trials(individual.side, individual.task_key) for individual in different]
         shared: dict[str, Any] = dict.fromkeys(("recent", "workspace", "senses", "past"), ())
         return Life(
             **states,

@@ -34,7 +34,7 @@ def _are_numbers(value: Any, count: int) -> bool:
 
 def _are_goals(value: Any) -> bool:
     sides = isinstance(value, Mapping) and set(value) <= set(SIDES)
-    return value is None or (sides and all(_are_numbers(place, 2) for place in value.values()))
+    return value is None or (sides and all(_are_numbers(goal, 2) for goal in value.values()))
 
 
 _KINDS: dict[str, tuple[Callable[[Any], bool], str]] = {  # what a value must be

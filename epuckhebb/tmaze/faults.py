@@ -77,7 +77,7 @@ def sensor_faults(robot: Robot) -> Callable[..., None]:
     """The function `apply_sensor_faults(readings, faults, past, step)`, which changes the sensor readings."""
     distances = robot.input_places(robot.distance)
     first, count, inputs = distances.start, robot.distance.count, robot.inputs
-    on_left = np.array([(place.azimuth + 180.0) % 360.0 > 180.0 for place in robot.distance.places])
+    on_left = np.array([(sensor.azimuth + 180.0) % 360.0 > 180.0 for sensor in robot.distance.places])
 
     @compiled
     def apply_sensor_faults(readings: Floats, faults: Faults, past: Floats, step: int) -> None:

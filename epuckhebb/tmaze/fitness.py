@@ -132,6 +132,6 @@ def live_fitness(
 
 
 @compiled
-def distance_to(x: float, y: float, goal_x: float, goal_y: float) -> float:
+def goal_distance(x: float, y: float, goal_x: float, goal_y: float) -> float:
     """Distance [m] from (x, y) to the goal."""
     return math.sqrt((x - goal_x) * (x - goal_x) + (y - goal_y) * (y - goal_y))

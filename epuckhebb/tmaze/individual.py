@@ -162,7 +162,7 @@ class Individual:
     genes: of all parts of the genome (`controller.genome`), 234 in the paper. key: of all noise. task_key: of the
     task's random numbers; individuals that are compared have the same, and so have both sides. start: None for the
     maze's. signs: of the plastic updates, (synapses,), None for the rule's sign; shuffled ones must be given. nominal:
-    what an adaptation compares with. record: whether samples are recorded. after: whose lifetime comes before, where
+    what an adaptation compares with. record: whether samples are recorded. previous: whose lifetime comes first, where
     the live fitness carries its history. yoking: of a yoked control, which changes of its master it takes.
     """
 
@@ -176,7 +176,7 @@ class Individual:
     signs: Floats | None = None
     nominal: Any = None
     record: bool = False
-    after: "Individual | None" = None
+    previous: "Individual | None" = None
     yoking: Yoking | None = None
 
     @property
@@ -184,5 +184,5 @@ class Individual:
         """Whose changes of the weights it takes, if it is a yoked control: the same, with the rule itself."""
         if self.controller.rule.control is Control.none:
             return None
-        before = self.after and self.after.master
-        return replace(self, controller=self.controller.without_control, after=before, record=False)
+        previous = self.previous and self.previous.master
+        return replace(self, controller=self.controller.without_control, previous=previous, record=False)

@@ -83,22 +83,22 @@ def library() -> Any:
     Raises:
         ValueError: it is not installed, or is another version.
     """
-    wanted = "physics=ode needs the Open Dynamics Engine 0.16 in double precision (Debian: apt-get install libode8)"
-    found: Any = None
+    needed = "physics=ode needs the Open Dynamics Engine 0.16 in double precision (Debian: apt-get install libode8)"
+    loaded: Any = None
     for name in _NAMES:
         with suppress(OSError):
-            found = ctypes.CDLL(name)
-    if found is None or not found.dCheckConfiguration(_PRECISION):
-        raise ValueError(wanted)
+            loaded = ctypes.CDLL(name)
+    if loaded is None or not loaded.dCheckConfiguration(_PRECISION):
+        raise ValueError(needed)
     for name, (result, *arguments) in _FUNCTIONS.items():
-        function = getattr(found, name)
+        function = getattr(loaded, name)
         function.restype, function.argtypes = result, arguments
-    found.dInitODE2(0)
-    found.dSetMessageHandler(_say_nothing)
+    loaded.dInitODE2(0)
+    loaded.dSetMessageHandler(_say_nothing)
     for name in _compiled:
-        address = ctypes.cast(getattr(found, name), ctypes.c_void_p).value
+        address = ctypes.cast(getattr(loaded, name), ctypes.c_void_p).value
         llvmlite.binding.add_symbol(name, address)
-    return found
+    return loaded
 
 
 def rotation(x: float, y: float, z: float, angle: float) -> Floats:
@@ -108,6 +108,6 @@ def rotation(x: float, y: float, z: float, angle: float) -> Floats:
     return rows.reshape(3, 4)[:, :3]
 
 
-def rows_of(matrix: Floats) -> Floats:
+def matrix_rows(matrix: Floats) -> Floats:
     """A matrix as ODE has it: rows of four numbers."""
     return np.hstack([matrix, np.zeros((3, 1))]).ravel()

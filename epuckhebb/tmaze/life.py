@@ -179,9 +179,9 @@ def pad_samples(samples: Samples, life: Life, robot: Robot, record_every: int, p
     record_every: as in `live`. pose: x, y [m], heading [rad] at the end.
     """
     tally = life.tally[0]
-    after = slice(-(-int(tally["step"]) // record_every), None)
-    samples.time[after] = np.arange(len(samples.time))[after] * record_every * STEP_S
-    samples.pose[after], samples.weights[after] = pose[:3], life.weights
-    samples.activations[after] = life.activation[len(life.activation) - samples.activations.shape[1] :]
-    samples.sensors[after, : robot.inputs] = life.activation[: robot.inputs]  # and no reward
-    samples.weight_change[after] = tally["weight_change"] + tally["scaling"]
+    rest = slice(-(-int(tally["step"]) // record_every), None)
+    samples.time[rest] = np.arange(len(samples.time))[rest] * record_every * STEP_S
+    samples.pose[rest], samples.weights[rest] = pose[:3], life.weights
+    samples.activations[rest] = life.activation[len(life.activation) - samples.activations.shape[1] :]
+    samples.sensors[rest, : robot.inputs] = life.activation[: robot.inputs]  # and no reward
+    samples.weight_change[rest] = tally["weight_change"] + tally["scaling"]

@@ -41,13 +41,13 @@ def live_in_turn(rows: NDArray[np.uint64], poses: Floats, life: Life, setup: Set
     rows: what each lifetime carries, updated; the arrays of `life` are the last row. poses: (lifetimes, 3) where each
     robot starts [m, m, rad], then where it is.
     """
-    here = rows.shape[0] - 1
+    current = rows.shape[0] - 1
     for robot in range(poses.shape[0]):
         if robot > 0:
             place(space, poses[robot, 0], poses[robot, 1], poses[robot, 2])
-        copy(rows[robot], rows[here])
+        copy(rows[robot], rows[current])
         live(life, setup, space, until)
-        copy(rows[here], rows[robot])
+        copy(rows[current], rows[robot])
         at = pose(space)
         poses[robot, 0], poses[robot, 1], poses[robot, 2] = at.x, at.y, at.heading
 
@@ -64,8 +64,8 @@ def live(life: Life, setup: Setup, space: Handles, until: int) -> None:
         # Move.
         left, right = turn_wheels(setup.faults, tally, life.past, left, right, setup.gain, life.key[0], step)
         move(space, cos, sin, left, right)
-        before, at = at, pose(space)
-        if settle(tally, setup, before, at, step):
+        last, at = at, pose(space)
+        if settle(tally, setup, last, at, step):
             break
 
         # Begin again.
@@ -92,7 +92,7 @@ def decide(
     left, right = activation[OUTPUT], activation[OUTPUT + 1]
 
     # Score.
-    if is_in(setup.arm, at.x, at.y):
+    if contains(setup.arm, at.x, at.y):
         tally.junction = 1.0
     nearness = nearest(activation)
     undirected = fitness.combined(left, right, nearness, 0.0)
@@ -102,9 +102,11 @@ def decide(
     tally.contacts += nearness > CONTACT
     live_fitness = fitness.live_fitness(setup, tally, activation, left, right, behaviour, step)
     if HAS_SCORE:
-        own, contact, readings = life.score[0], nearness > CONTACT, activation[:INPUTS]
-        worth = score(tally, own, setup.fitness, left, right, nearness, contact, behaviour, at, readings, step * STEP_S)
-        own.sum += worth
+        state, contact, readings = life.score[0], nearness > CONTACT, activation[:INPUTS]
+        worth = score(
+            tally, state, setup.fitness, left, right, nearness, contact, behaviour, at, readings, step * STEP_S
+        )
+        state.sum += worth
         if setup.signal == fitness.OWN:
             live_fitness = worth
 
@@ -129,10 +131,10 @@ def decide(
     tally.weight_change = end_updates(weights, genes, life.track, step, change, tally.weight_change)
     tally.weight_change_sum += tally.weight_change + tally.scaling
     if setup.record_every > 0 and step % setup.record_every == 0:
-        place = step // setup.record_every
+        sample = step // setup.record_every
         time = step * STEP_S
-        record(setup.samples, place, time, at, tally, weights, activation, workspace.substeps, live_fitness, rate)
-        record_tilt(space, setup.samples.tilt, place)
+        record(setup.samples, sample, time, at, tally, weights, activation, workspace.substeps, live_fitness, rate)
+        record_tilt(space, setup.samples.tilt, sample)
 
     left, right = explore(life, setup, left, right)
     return left, right
@@ -150,13 +152,13 @@ def perceive(life: Life, setup: Setup, space: Handles, at: Pose, cos: float, sin
     reward_input(readings, tally.reward)
 
 
-def settle(tally: Any, setup: Setup, before: Pose, at: Pose, step: int) -> bool:
+def settle(tally: Any, setup: Setup, last: Pose, at: Pose, step: int) -> bool:
     """Count a step that moved the robot to a new pose; returns whether it is lost."""
     tally.step = step + 1
     if is_lost(at.x, at.y, at.heading, setup.arena):
         tally.lost = True
         return True
-    tally.path_length += math.sqrt((at.x - before.x) * (at.x - before.x) + (at.y - before.y) * (at.y - before.y))
+    tally.path_length += math.sqrt((at.x - last.x) * (at.x - last.x) + (at.y - last.y) * (at.y - last.y))
     tally.goal_distance = to_goal(setup, at.x, at.y)
     if math.isnan(tally.time_to_goal) and tally.goal_distance < setup.goal_radius:
         tally.time_to_goal = (step + 1) * STEP_S
@@ -178,7 +180,7 @@ def copy(row: NDArray[np.uint64], to: NDArray[np.uint64]) -> None:
 
 
 @compiled
-def is_in(region: Region, x: float, y: float) -> bool:
+def contains(region: Region, x: float, y: float) -> bool:
     """Whether a point [m] lies in a region."""
     return region.left < x < region.right and region.bottom < y < region.top
 
@@ -195,7 +197,7 @@ def reset_to_genes(life: Life) -> None:
 @compiled
 def record(
     samples: Samples,
-    place: int,
+    sample: int,
     time: float,
     at: Pose,
     tally: Any,
@@ -205,26 +207,26 @@ def record(
     live_fitness: float,
     rate: float,
 ) -> None:
-    """Write the sample of a place.
+    """Write a sample. sample: its number.
 
     It takes no whole `Life`, whose type depends on the rule: so it is compiled once for all rules.
     """
-    samples.time[place] = time
-    samples.pose[place, 0], samples.pose[place, 1], samples.pose[place, 2] = at.x, at.y, at.heading
+    samples.time[sample] = time
+    samples.pose[sample, 0], samples.pose[sample, 1], samples.pose[sample, 2] = at.x, at.y, at.heading
     inputs, synapses = samples.sensors.shape[1], samples.weights.shape[1]
     outputs = samples.motors.shape[1]
     for i in range(inputs):
-        samples.sensors[place, i] = activation[i]
+        samples.sensors[sample, i] = activation[i]
     for k in range(outputs):
-        samples.motors[place, k] = activation[activation.shape[0] - outputs + k]
-    samples.fitness[place], samples.change_signal[place] = live_fitness, tally.change_signal
-    samples.rate[place], samples.weight_change[place] = rate, tally.weight_change + tally.scaling
+        samples.motors[sample, k] = activation[activation.shape[0] - outputs + k]
+    samples.fitness[sample], samples.change_signal[sample] = live_fitness, tally.change_signal
+    samples.rate[sample], samples.weight_change[sample] = rate, tally.weight_change + tally.scaling
     for k in range(synapses):
-        samples.weights[place, k] = weights[k]
+        samples.weights[sample, k] = weights[k]
     neurons = samples.activations.shape[1]
     for j in range(neurons):
         k, count = activation.shape[0] - neurons + j, substeps.shape[0]
         total = activation[k]  # of the last substep
         for substep in range(count - 1):
             total += substeps[substep, k]
-        samples.activations[place, j] = total / count
+        samples.activations[sample, j] = total / count

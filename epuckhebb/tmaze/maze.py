@@ -99,8 +99,8 @@ class Maze:
             for name, box in getattr(self, kind).items():
                 check_value(f"maze.{kind}.{name}, its sizes,", box[2:], Range(0, above=True))
         arena = Range(-self.arena_m, self.arena_m, above=True, below=True)
-        for name, place in {"start": self.start, **{f"goals.{side}": self.goals[side] for side in SIDES}}.items():
-            check_value(f"maze.{name}", place[:2], arena)
+        for name, point in {"start": self.start, **{f"goals.{side}": self.goals[side] for side in SIDES}}.items():
+            check_value(f"maze.{name}", point[:2], arena)
         check_value("maze.obstacle_counts", self.obstacle_counts, Range(0, len(self.obstacles)))
         if max(self.obstacle_counts, default=0) < len(self.obstacles):
             raise ValueError(f"maze.obstacle_counts must reach {len(self.obstacles)}, got {list(self.obstacle_counts)}")
@@ -191,8 +191,8 @@ def boxes(maze: Maze, obstacles: int = 0, layout: int = 0) -> Floats:
 
 def added(before: Floats, after: Floats) -> Floats:
     """The boxes of `after` (boxes, 4) that are not among those of `before`."""
-    known = (after[:, None] == before).all(axis=2).any(axis=1)
-    new: Floats = after[~known]
+    is_old = (after[:, None] == before).all(axis=2).any(axis=1)
+    new: Floats = after[~is_old]
     return new
 
 
@@ -209,13 +209,13 @@ def is_reachable(goal: Place, near_m: float, start: Pose, walls: Floats, radius_
     free = ~((left < x) & (x < right) & (bottom < y) & (y < top)).any(axis=2)
     reached = np.zeros_like(free)
     reached[np.searchsorted(xs, start.x) - 1, np.searchsorted(ys, start.y) - 1] = True
-    before = ~reached
-    while (before != reached).any():
-        before = reached.copy()
-        reached[1:] |= before[:-1]
-        reached[:-1] |= before[1:]
-        reached[:, 1:] |= before[:, :-1]
-        reached[:, :-1] |= before[:, 1:]
+    last = ~reached
+    while (last != reached).any():
+        last = reached.copy()
+        reached[1:] |= last[:-1]
+        reached[:-1] |= last[1:]
+        reached[:, 1:] |= last[:, :-1]
+        reached[:, :-1] |= last[:, 1:]
         reached &= free
     beside = np.maximum(np.maximum(xs[:-1] - goal.x, goal.x - xs[1:]), 0.0)[:, None]
     ahead = np.maximum(np.maximum(ys[:-1] - goal.y, goal.y - ys[1:]), 0.0)
@@ -226,6 +226,6 @@ def gap(x: float, y: float, walls: Floats) -> float:
     """Distance [m] from a point to the nearest box of `walls` (boxes, 4); 0 inside one."""
     left, right, bottom, top = walls.T
     beside = np.maximum(np.maximum(left - x, x - right), 0.0)
-    before = np.maximum(np.maximum(bottom - y, y - top), 0.0)
+    ahead = np.maximum(np.maximum(bottom - y, y - top), 0.0)
     with np.errstate(over="ignore"):  # a wall may be so far away that the square of its distance is infinite
-        return math.sqrt((beside**2 + before**2).min(initial=math.inf))
+        return math.sqrt((beside**2 + ahead**2).min(initial=math.inf))

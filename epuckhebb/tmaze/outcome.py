@@ -96,7 +96,7 @@ def measure_outcomes(
     distance from each start to the nearest goal [m]. bound: of the weights. poses: of the robots after the last step.
     """
     tally, radius = lives.tally[:, 0], world.maze.goal_radius_m
-    (other_goal,) = (world.goals_now[other] for other in SIDES if other != side)
+    (other_goal,) = (world.goals_now[end] for end in SIDES if end != side)
     steps, distances = tally["step"], tally["goal_distance"]
     behaviour = (tally["behaviour_sum"] / steps).tolist()
     reward = [fitness.reward(distance) for distance in distances.tolist()]

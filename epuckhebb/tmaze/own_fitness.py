@@ -115,12 +115,12 @@ class Fitness(OwnClass):
         """The names of the arguments that a method may have; none where they are fixed."""
         return _OF_STEP if method == "step" else (*(_WITH_STEP if cls.step else ()), *_OF_LIFE, *_OF_EPISODE)
 
-    def check_world(self, known: Mapping[str, Collection[str]]) -> None:
-        """Refuse a fitness of another kind of world; else a ValueError. known: the arguments of each method there."""
+    def check_world(self, allowed: Mapping[str, Collection[str]]) -> None:
+        """Refuse a fitness of another kind of world; else a ValueError. allowed: the arguments of each method there."""
         methods = [method for method in self.METHODS if getattr(self, method)]
-        wrong = [name for method in methods for name in self.arguments(method) if name not in known.get(method, ())]
-        if wrong or not (self.life or "step" in known):
-            has = "; ".join(f"`{method}` of {', '.join(names)}" for method, names in known.items())
+        wrong = [name for method in methods for name in self.arguments(method) if name not in allowed.get(method, ())]
+        if wrong or not (self.life or "step" in allowed):
+            has = "; ".join(f"`{method}` of {', '.join(names)}" for method, names in allowed.items())
             raise ValueError(f"fitness {self.name} takes {', '.join(wrong) or 'nothing'}; here is {has}")
 
     def initial_state(self) -> NDArray[np.void]:
@@ -152,9 +152,9 @@ class Fitness(OwnClass):
             PartError: it failed, or its result is no finite number.
         """
         assert self.life is not None  # checked before
-        known = {**facts, "by": self}
+        values = {**facts, "by": self}
         with calling(f"fitness {self.name}: `life`"):
-            value: Any = self.life(**{name: known[name] for name in self.arguments("life")})
+            value: Any = self.life(**{name: values[name] for name in self.arguments("life")})
         is_number = isinstance(value, int | float | np.number | np.bool_)
         if not is_number or not math.isfinite(value):
             raise PartError(f"fitness {self.name}: `life` must return a finite number, it returned {value!r}")

@@ -75,8 +75,8 @@ class Sensor(SensorGroup, OwnClass):
         parts = {"values": make_call(type(self).read, self.arguments("read"), _OF_READ, "around", by=by)}
         # The calls are written out, because the values of a tuple may be of several types.
         puts = ", ".join(f"put({k}, number(values[{k}]), around, scratch, readings)" for k in range(self.count))
-        own = {"put": put, "number": number}
-        parts["put_all"] = written("values, around, scratch, readings", f"({puts},)", own)
+        helpers = {"put": put, "number": number}
+        parts["put_all"] = written("values, around, scratch, readings", f"({puts},)", helpers)
         values = "(values(around),)" if self.count == 1 else "values(around)"
         call = f"put_all({values}, around, scratch, readings)"
         return Kernels(written("around, rays, scratch, readings", call, parts), nothing)

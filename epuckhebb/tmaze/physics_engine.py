@@ -35,7 +35,7 @@ class Space(ABC):
         """Start a lifetime: put the robot at this pose, at rest, without traces of what was before."""
 
     @abstractmethod
-    def take_over(self, before: Any) -> None:
+    def take_over(self, old: Any) -> None:
         """Put a robot where the one of another space is, with the same motion and without its contacts."""
 
 

@@ -81,10 +81,10 @@ class Robot:
         if not {LightSensors.name, DistanceSensors.name} <= set(names) or len(set(names)) < len(names):
             raise ValueError(f"robot.sensors must be light, distance and perhaps others, each once, got {names}")
         for group in self.sensors:
-            for number, place in enumerate(group.places if isinstance(group, RimSensors) else ()):
-                if math.hypot(place.x, place.y) > self.radius_m + 1e-9:
+            for number, sensor in enumerate(group.places if isinstance(group, RimSensors) else ()):
+                if math.hypot(sensor.x, sensor.y) > self.radius_m + 1e-9:
                     raise ValueError(
-                        f"robot.{group.name}_places[{number}] is not within {self.radius_m} m: {list(place)}"
+                        f"robot.{group.name}_places[{number}] is not within {self.radius_m} m: {list(sensor)}"
                     )
 
     @cached_property
@@ -99,8 +99,8 @@ class Robot:
 
     def input_places(self, group: SensorGroup) -> slice:
         """Where the readings of a group are among the network's inputs."""
-        place = [one.name for one in self.sensors].index(group.name)
-        first = sum(one.count for one in self.sensors[:place])
+        names = [sensors.name for sensors in self.sensors]
+        first = sum(sensors.count for sensors in self.sensors[: names.index(group.name)])
         return slice(first, first + group.count)
 
     @cached_property

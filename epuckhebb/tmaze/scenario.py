@@ -101,8 +101,8 @@ class Scenario:
         whole = isinstance(dead, list | tuple) and all(type(number) is int and 0 <= number <= last for number in dead)
         if not whole or len(set(dead)) < len(dead):
             raise ValueError(f"scenario.dead_sensors must be different whole numbers, 0 to {last}, got {dead}")
-        for side, place in self.goals_now.items():
-            check_value(f"scenario.goals.{side}", place, Range(-self.maze.arena_m, self.maze.arena_m))
+        for side, goal in self.goals_now.items():
+            check_value(f"scenario.goals.{side}", goal, Range(-self.maze.arena_m, self.maze.arena_m))
         standing = boxes(self.maze, self.obstacles, self.layout)
         check_room("maze.start", self.maze.start, self.maze, self.robot.radius_m, standing)
         check_placed(self.placed, self.maze)
@@ -143,7 +143,7 @@ class Scenario:
         for key in GROUPED.keys() & values.keys():
             values[key] = replace(getattr(self, key), **values[key])
         if values.get("goals") is not None:
-            values["goals"] = {**self.goals_now, **{side: Place(*place) for side, place in values["goals"].items()}}
+            values["goals"] = {**self.goals_now, **{side: Place(*goal) for side, goal in values["goals"].items()}}
         return replace(self, **{"changes": (), "hand": (), **AT_ONCE, **values})
 
     @property

@@ -47,16 +47,16 @@ def senses(robot: Robot, physics: Physics) -> Sense:
     parts: dict[str, Any] = {"put_rays": physics.put_rays(robot)}
     put, look, read = [], [], []
     for k, ring in enumerate(rings):
-        azimuth = np.radians([place.azimuth for place in ring])
-        x, y = [place.x for place in ring], [place.y for place in ring]
+        azimuth = np.radians([sensor.azimuth for sensor in ring])
+        x, y = [sensor.x for sensor in ring], [sensor.y for sensor in ring]
         parts[f"ring_{k}"] = np.array([x, y, np.cos(azimuth), np.sin(azimuth)])  # in the robot's frame
         put.append(f"put_rays(space, x, y, cos, sin, ring_{k}, rays[{k}])")
     for k, group in enumerate(robot.sensors):
         ring_of = rings.index(group.places) if isinstance(group, RimSensors) else 0
-        own = f"around, rays[{ring_of}], scratch[{k}]"
+        arguments = f"around, rays[{ring_of}], scratch[{k}]"
         parts[f"read_{k}"], parts[f"look_{k}"] = physics.kernels(group, robot.input_places(group).start, robot.radius_m)
-        look.append(f"look_{k}({own})")
-        read.append(f"read_{k}({own}, readings)")
+        look.append(f"look_{k}({arguments})")
+        read.append(f"read_{k}({arguments}, readings)")
     # The calls are written out, because each group has its own functions. All groups look before any reads: a group
     # that reads right after its look waits for memory, and sensing takes 15 to 20 % longer.
     calls = ", ".join([*put, *look, *read])

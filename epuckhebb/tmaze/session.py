@@ -46,16 +46,16 @@ class Session:
             simulator = Simulator(world, self.lifetime, kept=int(master is not None))
         self._simulator = simulator
         self._phases = list(simulator.phases)
-        if individual.after is not None:
-            before = Session(individual.after, world, self.lifetime, simulator=simulator)
-            before.step(self.lifetime.steps)
-            tally, (steps, summed) = before.life.tally[0], before.block.history
+        if individual.previous is not None:
+            previous = Session(individual.previous, world, self.lifetime, simulator=simulator)
+            previous.step(self.lifetime.steps)
+            tally, (steps, summed) = previous.life.tally[0], previous.block.history
             history = fitness.History(
                 steps + float(tally["step"] - tally["began"]), summed + float(tally["undirected_sum"])
             )
         self._master: Session | None = None
         if master is not None:
-            self._master = Session(master, world, self.lifetime, simulator=simulator.with_masters)
+            self._master = Session(master, world, self.lifetime, simulator=simulator.master_simulator)
         leads = None if self._master is None else self._master.block
         self.block: Block = Block([individual, *others], self.lifetime, simulator, history=history, master=leads)
         self.life: Life = self.block.life

@@ -81,12 +81,12 @@ class Simulator:
         self._room: dict[int, Floats] = {}  # for changes of so many weights
 
     @cached_property
-    def with_masters(self) -> "Simulator":
+    def master_simulator(self) -> "Simulator":
         """Another one, for lifetimes that others follow meanwhile: it keeps all changes of their weights."""
         return Simulator(self.world, self.lifetime, self._fallback_rule, self.lifetime.steps)
 
-    def make_phases(self, world: Scenario, since: int = 0, before: Phase | None = None) -> list[Phase]:
-        """The phases of a world from step `since` on. before: the phase until then."""
+    def make_phases(self, world: Scenario, since: int = 0, current: Phase | None = None) -> list[Phase]:
+        """The phases of a world from step `since` on. current: the phase until then."""
         begins = world.phases
         steps = [step for step, _ in begins]
         first = max(number for number, step in enumerate(steps) if step < since or number == 0)
@@ -95,7 +95,7 @@ class Simulator:
             if phases and step >= self.lifetime.steps:
                 break  # it changes after the end
             walls = now.boxes
-            last = phases[-1] if phases else before
+            last = phases[-1] if phases else current
             same = last and np.array_equal(last.walls, walls) and last.scenario.wall_friction == now.wall_friction
             space = last.space if last and same else now.physics.space(walls, now)
             has_begun = step < since and step > 0  # what was to happen at once has happened
@@ -108,26 +108,26 @@ class Simulator:
         schedule = make_schedule(rule)._replace(tracks=self._kept > 0)
         return lifetime_kernel(type(rule), controller.adaptation, network, self.world, page, schedule)
 
-    def kind_of(self, controller: Controller, network: Network) -> Kind:
+    def kind(self, controller: Controller, network: Network) -> Kind:
         """What individuals with this controller and network share."""
-        place = (id(controller), id(network))
-        if place in self._kinds:
-            return self._kinds[place]
+        key = (id(controller), id(network))
+        if key in self._kinds:
+            return self._kinds[key]
         rule, adaptation, robot = controller.rule, controller.adaptation, self.world.robot
         compiled_for = self._fallback_rule if controller.is_ga_alone else rule
-        own = compiled_for is rule
+        is_own_rule = compiled_for is rule
         room = np.empty((self._kept, 2, network.synapses))
         factor = self.lifetime.gain_rad_s / rule.N_gain_rad_s if rule.N_gain_rad_s else 1.0
         kernel = self.kernel(live_in_turn, controller, network)
-        self._kinds[place] = kind = Kind(
+        self._kinds[key] = kind = Kind(
             live=kernel,
             usual=SameTypes(kernel),
             setup={
-                "rate": float(rule.N) * factor if own and rule.control is Control.none else 0.0,
+                "rate": float(rule.N) * factor if is_own_rule and rule.control is Control.none else 0.0,
                 "floor": float(rule.floor),
                 "signal": signal_number(rule),
                 "history": initial_history(rule),
-                "rule": rule.numbers() if own else (0.0,) * len(compiled_for.settings()),
+                "rule": rule.numbers() if is_own_rule else (0.0,) * len(compiled_for.settings()),
                 "adaptation": adaptation.numbers(),
                 "nominal": adaptation.no_nominal(robot),
             },

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled, nothing
 from epuckhebb.controller.own_class import OwnClass
-from epuckhebb.tmaze.fitness import distance_to
+from epuckhebb.tmaze.fitness import goal_distance
 from epuckhebb.tmaze.maze import Place, Pose, Side
 from epuckhebb.tmaze.sensors import InputGroup, RewardInput
 
@@ -29,7 +29,7 @@ TRIAL = np.dtype(
     ],
     align=True,
 )
-_TO_ONE_GOAL = compiled(lambda setup, x, y: distance_to(x, y, setup.goal_x, setup.goal_y))
+_TO_ONE_GOAL = compiled(lambda setup, x, y: goal_distance(x, y, setup.goal_x, setup.goal_y))
 while_not_frozen = compiled(
     lambda life, _setup, _fitness, _step: 0.0 if life.trials[life.tally[0].trial].frozen else 1.0
 )

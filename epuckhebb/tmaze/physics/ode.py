@@ -27,8 +27,8 @@ from epuckhebb.tmaze.libode import (
     copy_rotation,
     create_contact,
     empty_group,
+    matrix_rows,
     rotation,
-    rows_of,
     set_hinge,
     world_step,
 )
@@ -57,7 +57,7 @@ class Handles(NamedTuple):
 
     state: x, y [m], heading, roll, pitch [rad], height of its base [m]. walls: (boxes, 4). geometries: of the walls.
     parts: (4, 2) geometry and body of left wheel, hull, underside and right wheel. turned: (12,) rotation of the body,
-    row by row. place: (4,) of its centre of mass. contacts: (_FOUND, _CONTACT). ..._at: where an array is in memory.
+    row by row. position: (4,) of its centre of mass. contacts: (_FOUND, _CONTACT). ..._at: where an array is in memory.
     """
 
     state: Floats
@@ -72,8 +72,8 @@ class Handles(NamedTuple):
     right: int
     turned: Floats
     turned_at: int
-    place: Floats
-    place_at: int
+    position: Floats
+    position_at: int
     contacts: Floats
     contacts_at: int
 
@@ -102,8 +102,8 @@ class _Body:
             ode.dGeomSetBody(shape, self.hull)
             ode.dGeomSetOffsetPosition(shape, 0.0, 0.0, middle - centre)
         turned = rotation(0.0, 0.0, 1.0, pose.heading) @ rotation(*physics.put_down)
-        across = rows_of(rotation(1.0, 0.0, 0.0, math.pi / 2))
-        rows, foot = rows_of(turned), np.array([pose.x, pose.y, 0.0])
+        across = matrix_rows(rotation(1.0, 0.0, 0.0, math.pi / 2))
+        rows, foot = matrix_rows(turned), np.array([pose.x, pose.y, 0.0])
         ode.dBodySetPosition(self.hull, *(foot + turned @ (0.0, 0.0, centre)))
         ode.dBodySetRotation(self.hull, rows.ctypes.data)
         self.hinges, tyres = [], []
@@ -126,7 +126,7 @@ class _Body:
             self.hinges.append(hinge)
             tyres.append(tyre)
         self.parts = np.array([(tyres[0], wheels[0]), (hull, self.hull), (box, self.hull), (tyres[1], wheels[1])])
-        self.state, self.turned, self.place = np.zeros(6), rows, np.zeros(4)
+        self.state, self.turned, self.position = np.zeros(6), rows, np.zeros(4)
         self.state[:3] = pose
         weakref.finalize(self, _destroy, ode, self.world, self.group, threading, [hull, box, *tyres])
 
@@ -168,9 +168,9 @@ class OdeSpace(Space):
         """Start a lifetime: put the robot at this pose, at rest, without traces of what was before."""
         self._body = _Body(self._physics, self._robot, self._solid, pose)
 
-    def take_over(self, before: "OdeSpace") -> None:
+    def take_over(self, old: "OdeSpace") -> None:
         """Put the robot of another space, which keeps no contacts, among these walls."""
-        self._body = before._body
+        self._body = old._body
 
     @property
     def handles(self) -> Handles:
@@ -190,8 +190,8 @@ class OdeSpace(Space):
             right=body.hinges[1],
             turned=body.turned,
             turned_at=body.turned.ctypes.data,
-            place=body.place,
-            place_at=body.place.ctypes.data,
+            position=body.position,
+            position_at=body.position.ctypes.data,
             contacts=contacts,
             contacts_at=contacts.ctypes.data,
         )
@@ -266,16 +266,16 @@ class Ode(Physics):
                 near = reach[part] + top * leans
                 for wall in range(space.walls.shape[0] - 1, -1, -1):
                     beside = max(space.walls[wall, 0] - state[_X], state[_X] - space.walls[wall, 1], 0.0)
-                    before = max(space.walls[wall, 2] - state[_Y], state[_Y] - space.walls[wall, 3], 0.0)
-                    if beside * beside + before * before < near * near:
+                    ahead = max(space.walls[wall, 2] - state[_Y], state[_Y] - space.walls[wall, 3], 0.0)
+                    if beside * beside + ahead * ahead < near * near:
                         touch(space, part, space.geometries[wall])
                 touch(space, part, space.floor)
             world_step(space.world, STEP_S)
-            copy_position(space.body, space.place_at)
+            copy_position(space.body, space.position_at)
             copy_rotation(space.body, space.turned_at)
-            state[_X] = space.place[0] - turned[2] * centre
-            state[_Y] = space.place[1] - turned[6] * centre
-            state[_HEIGHT] = space.place[2] - turned[10] * centre
+            state[_X] = space.position[0] - turned[2] * centre
+            state[_Y] = space.position[1] - turned[6] * centre
+            state[_HEIGHT] = space.position[2] - turned[10] * centre
             state[_ROLL] = math.atan2(turned[9], turned[10])
             state[_PITCH] = -math.asin(min(1.0, max(-1.0, turned[8])))
             turn = math.atan2(turned[4], turned[0]) - state[_HEADING]
@@ -328,12 +328,12 @@ class Ode(Physics):
         return group.kernels(first, radius_m, irradiance)
 
     def record_tilt(self) -> Callable[..., None]:
-        """The function `record(space, tilt, place)` that writes the tilt of the robot into a sample."""
+        """The function `record(space, tilt, sample)` that writes the tilt of the robot into a sample."""
 
         @compiled
-        def record(space: Handles, tilt: Floats, place: int) -> None:
+        def record(space: Handles, tilt: Floats, sample: int) -> None:
             for k in range(3):
-                tilt[place, k] = space.state[_ROLL + k]
+                tilt[sample, k] = space.state[_ROLL + k]
 
         return record
 
@@ -352,16 +352,16 @@ def lamp(
 
 
 @compiled
-def touch(space: Handles, part: int, other: int) -> None:
+def touch(space: Handles, part: int, geometry: int) -> None:
     """Make the contacts of a part of the robot with a wall or the floor, the ten deepest."""
     contacts = space.contacts
-    found = collide(space.parts[part, 0], other, _FOUND, space.contacts_at + _GEOMETRY * _BYTES, _CONTACT * _BYTES)
-    for k in range(min(found, _KEPT)):
-        if found > _KEPT:
+    count = collide(space.parts[part, 0], geometry, _FOUND, space.contacts_at + _GEOMETRY * _BYTES, _CONTACT * _BYTES)
+    for k in range(min(count, _KEPT)):
+        if count > _KEPT:
             deepest = k
-            for one in range(k + 1, found):
-                if contacts[one, _DEPTH] > contacts[deepest, _DEPTH]:
-                    deepest = one
+            for candidate in range(k + 1, count):
+                if contacts[candidate, _DEPTH] > contacts[deepest, _DEPTH]:
+                    deepest = candidate
             for number in range(_CONTACT):
                 contacts[k, number], contacts[deepest, number] = contacts[deepest, number], contacts[k, number]
         joint = create_contact(space.world, space.group, space.contacts_at + k * _CONTACT * _BYTES)

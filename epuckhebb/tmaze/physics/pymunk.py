@@ -163,9 +163,9 @@ class PymunkSpace(Space):
             lib.cpSpaceAddShape(space, disc)
             self.handles.state[MOTION * number : MOTION * number + 3] = pose
 
-    def take_over(self, before: "PymunkSpace") -> None:
+    def take_over(self, old: "PymunkSpace") -> None:
         """Put a robot where the one of another space is, with the same motion and without its contacts."""
-        motion = before.handles.state[:_CLEAR_FOR].copy()
+        motion = old.handles.state[:_CLEAR_FOR].copy()
         self.place_robot(Pose(*motion[:3].tolist()))
         body, _ = self._robots[0]
         lib.cpBodySetVelocity(body, tuple(motion[[_V_X, _V_Y]].tolist()))
@@ -300,8 +300,8 @@ def _is_clear(x: float, y: float, walls: Floats, near: float) -> bool:
     """Whether a robot with its centre at (x, y) touches no wall. near: square of the distance of contact [m2]."""
     for wall in range(walls.shape[0]):
         beside = max(walls[wall, 0] - x, x - walls[wall, 1], 0.0)
-        before = max(walls[wall, 2] - y, y - walls[wall, 3], 0.0)
-        if beside * beside + before * before < near:
+        ahead = max(walls[wall, 2] - y, y - walls[wall, 3], 0.0)
+        if beside * beside + ahead * ahead < near:
             return False
     return True
 

@@ -30,7 +30,7 @@ from epuckhebb.controller.compiling.kernel import compiled
 from epuckhebb.controller.plasticity.rule import Reward
 from epuckhebb.controller.random import Stream, rng
 from epuckhebb.controller.ranges import Range, check_value, within
-from epuckhebb.tmaze.fitness import distance_to
+from epuckhebb.tmaze.fitness import goal_distance
 from epuckhebb.tmaze.maze import Place, Pose, Side
 from epuckhebb.tmaze.physics.pymunk import Handles, put_back
 from epuckhebb.tmaze.robot import STEP_S
@@ -165,8 +165,8 @@ class Reversal(Task):
             return []
         chosen: set[int] = set()
         room = self._window - (self.switches - 1)
-        for last, place in enumerate(places, start=room - self.switches):
-            at = int(place * (last + 1))
+        for last, number in enumerate(places, start=room - self.switches):
+            at = int(number * (last + 1))
             chosen.add(last if at in chosen else at)
         return [self.first_switch + at + number for number, at in enumerate(sorted(chosen))]
 
@@ -188,8 +188,9 @@ class Reversal(Task):
         that is good in more lifetimes, trial by trial.
 
         optimum: of the best choices after the rewards so far, which show all earlier good ends. After j switches, the
-        last of them two trials ago or earlier, another one comes now in `here` of the sets, and does not in `not_here`;
-        right after a switch none comes. The first trial is a guess, unless the first end is always the left one.
+        last of them two trials ago or earlier, another one comes now in `switching` of the sets, and does not in
+        `staying`; right after a switch none comes. The first trial is a guess, unless the first end is always the left
+        one.
         """
         window, first, last = self._window, self.first_switch, self._last
         weight = (1 - self.never) / _ways(window, self.switches) if self.switches else 1.0
@@ -202,11 +203,11 @@ class Reversal(Task):
                 later = _ways(min(window, last - trial), left)
                 seen = _ways(min(trial - 1 - first, window), j)
                 just = _ways(trial - 2 - first, j - 1) if first < trial <= last + 1 else 0
-                here = seen * weight * _ways(last - trial - 1, left - 1) if first <= trial <= last else 0.0
-                not_here = seen * weight * later + (self.never if self.switches and not j else 0.0)
-                after = just * weight * later
-                optimum += max(here, not_here) + after
-                stayed += here if j % 2 else not_here + after
+                switching = seen * weight * _ways(last - trial - 1, left - 1) if first <= trial <= last else 0.0
+                staying = seen * weight * later + (self.never if self.switches and not j else 0.0)
+                switched = just * weight * later
+                optimum += max(switching, staying) + switched
+                stayed += switching if j % 2 else staying + switched
             chance += 0.5 if is_drawn else max(stayed, 1 - stayed)
         return {"chance": chance / self.trials, "optimum": optimum / self.trials}
 
@@ -235,30 +236,30 @@ def _ways(trials: int, switches: int) -> int:
 
 def _nearer_distance(setup: Any, x: float, y: float) -> float:
     """Distance to the nearer end [m]: nothing but the reward may show which end is rewarded."""
-    left = distance_to(x, y, setup.terms.left.x, setup.terms.left.y)
-    right = distance_to(x, y, setup.terms.right.x, setup.terms.right.y)
+    left = goal_distance(x, y, setup.terms.left.x, setup.terms.left.y)
+    right = goal_distance(x, y, setup.terms.right.x, setup.terms.right.y)
     return min(left, right)
 
 
 def _end_step(life: Any, space: Handles, setup: Any) -> None:
     """Give the reward if the robot is at an end, and begin the next trial when this one is over."""
     tally, terms = life.tally[0], setup.terms
-    this = life.trials[tally.trial]
+    trial = life.trials[tally.trial]
     elapsed = tally.step - tally.began
-    if this.reached == 0:
-        this.nearest = min(this.nearest, tally.goal_distance)
+    if trial.reached == 0:
+        trial.nearest = min(trial.nearest, tally.goal_distance)
         if tally.goal_distance < setup.goal_radius:
             x, y = space.state[0], space.state[1]
-            on_left = distance_to(x, y, terms.left.x, terms.left.y) == tally.goal_distance
-            this.reached = -1 if on_left else 1
-            this.steps = elapsed
-            tally.reward = terms.reward if this.reached == this.good else -terms.reward
+            on_left = goal_distance(x, y, terms.left.x, terms.left.y) == tally.goal_distance
+            trial.reached = -1 if on_left else 1
+            trial.steps = elapsed
+            tally.reward = terms.reward if trial.reached == trial.good else -terms.reward
             return
         if elapsed < terms.time_out:
             return
-        this.steps = elapsed
+        trial.steps = elapsed
         tally.time_outs += 1
-    elif elapsed < this.steps + terms.reward_steps:
+    elif elapsed < trial.steps + terms.reward_steps:
         return
     tally.reward = 0.0
     tally.trial += 1
