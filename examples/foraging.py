@@ -18,7 +18,7 @@ from epuckhebb.analysis.statistics import bootstrap, difference, holm, mean, per
 from epuckhebb.analysis.tables import Table, interval_text
 from epuckhebb.controller.random import Stream
 from epuckhebb.runs.gymnasium import environment_seed
-from epuckhebb.worlds.foragers import FORAGERS, by_season, earned
+from epuckhebb.worlds.foragers import FORAGERS, earned, season_sums
 from epuckhebb.worlds.foraging import Foraging
 
 UNTOLD = {  # networks that do not read the reward
@@ -81,13 +81,13 @@ class Methods(epuckhebb.Study):
         for controller, found in rewards.items():
             turned = np.nan if job["method"] in ("innate", *UNTOLD) else turn_round(found, job["season"])
             names = one | {"controller": controller}
-            means = by_season(found, job["season"]).mean(axis=0)
+            means = season_sums(found, job["season"]).mean(axis=0)
             seasons += [
                 {**names, "number": number, "reward": reward, "turn_round": turned}
                 for number, reward in enumerate(means, 1)
             ]
             if controller in ("rule", "network", "frozen"):
-                points = by_season(found, BIN).mean(axis=0) / BIN
+                points = season_sums(found, BIN).mean(axis=0) / BIN
                 course += [{**names, "step": BIN * k, "reward": reward} for k, reward in enumerate(points, 1)]
         return {"seasons": pd.DataFrame(seasons), "course": pd.DataFrame(course)}
 

@@ -7,7 +7,7 @@ from gymnasium.utils.env_checker import check_env
 
 from epuckhebb.config import load
 from epuckhebb.config.environments import EvaluateEnvironment
-from epuckhebb.worlds.foragers import FORAGERS, by_season, earned
+from epuckhebb.worlds.foragers import FORAGERS, earned, season_sums
 from epuckhebb.worlds.foraging import COLUMN, HEADING, ID, ROW, SEASON, Foraging, put
 
 LEFT, AHEAD, RIGHT = range(3)
@@ -85,7 +85,7 @@ def test_win_stay_lose_shift_earns_half_of_what_one_earns_who_knows():
     """In every season, so that the world is a positive control. The seeds are those on which it was set."""
     world = Foraging()
     earnings = {
-        name: by_season(np.array([earned(world, name, seed, 2000) for seed in range(901, 906)]), 500).mean(axis=0)
+        name: season_sums(np.array([earned(world, name, seed, 2000) for seed in range(901, 906)]), 500).mean(axis=0)
         for name in FORAGERS
     }
     np.testing.assert_allclose(earnings["knows"], KNOWS)

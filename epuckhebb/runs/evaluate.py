@@ -98,7 +98,7 @@ def prepare_evaluation(config: Any, genome: Genome | None = None) -> PreparedEva
         genome = load_genome(config.genome, config.world.experiment, config.shape)
     world.check_genome(genome)
     check_rules(genome, genome.network, [(controller.name, controller.rule) for controller in config.controllers])
-    return PreparedEvaluation(config=world.settings_for(genome), genome=genome)
+    return PreparedEvaluation(config=world.champion_settings(genome), genome=genome)
 
 
 def evaluate_job(job: hydra.Job) -> None:

@@ -66,7 +66,7 @@ def run_lifetimes(
     """
     setup = make_setup(config)._replace(is_fresh=config.world.findings.needs_fresh)
     if scale is not None:
-        setup = setup._replace(world=config.world.reading_by(scale, in_training=True))
+        setup = setup._replace(world=config.world.rescaled(scale, in_training=True))
     began = time.perf_counter()
     first, works = setup.live(works[0]), works[1:]
     if config.world.is_compiled(config.judge):
@@ -159,7 +159,7 @@ class Gymnasium(World):
             here = f"environment={self.config.world.name} has {self.config.network_made}"
             raise ConfigError(f"genome={genome.name} is for {evolved}, {here}")
 
-    def settings_for(self, genome: Genome) -> Any:
+    def champion_settings(self, genome: Genome) -> Any:
         """The settings, with the scale that its training left to a champion where `environment.scale` is running."""
         if self.config.environment.scale != RUNNING:
             return self.config
@@ -168,7 +168,7 @@ class Gymnasium(World):
             raise ConfigError(f"{needed}, got genome={genome.name}")
         scale, config = json.loads(genome.environment_settings)["scale"], copy.copy(self.config)
         config.environment = replace(config.environment, scale=scale)
-        config.world = config.world.reading_by(scale)
+        config.world = config.world.rescaled(scale)
         return config
 
     def notes(self, genome: Genome | None = None) -> list[str]:

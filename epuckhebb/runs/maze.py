@@ -62,7 +62,7 @@ class Maze(World):
             "physics": "" if world.physics.name == PYMUNK.name else world.physics.name,
         }
 
-    def settings_for(self, genome: Genome) -> Any:  # noqa: ARG002  # environments need it
+    def champion_settings(self, genome: Genome) -> Any:  # noqa: ARG002  # environments need it
         """The settings, which leave nothing to a champion."""
         return self.config
 

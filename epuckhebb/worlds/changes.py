@@ -37,7 +37,7 @@ class Faults:
     delay: int = 0
     start: dict[str, Any] = field(default_factory=dict)
 
-    def at_start(self, model: Any, name: str) -> Any:
+    def initial_array(self, model: Any, name: str) -> Any:
         """An array of a model as it was before any change of this lifetime."""
         return self.start.setdefault(name, getattr(model, name).copy())
 
@@ -65,11 +65,11 @@ def _model(env: Any, name: str) -> Any:
     return env.model
 
 
-def _factors(values: Any, known: Iterable[str], name: str) -> dict[str, float]:
+def _factors(values: Any, parts: Iterable[str], name: str) -> dict[str, float]:
     """The factor of each part of a body that is named."""
     for part in _pairs(values, name, "PART: FACTOR"):
-        if part not in known:
-            raise ValueError(f"{name}.{part} is not there; this body has {', '.join(known) or 'none'}")
+        if part not in parts:
+            raise ValueError(f"{name}.{part} is not there; this body has {', '.join(parts) or 'none'}")
     return {part: _number(factor, f"{name}.{part}", 0) for part, factor in values.items()}
 
 
@@ -94,16 +94,16 @@ def _friction(env: Any, value: Any, faults: Faults) -> None:
     """Multiply the friction of all surfaces, and of pairs of them that have their own."""
     model, factor = _model(env, "friction"), _number(value, "friction", 0)
     for name in ("geom_friction", "pair_friction"):
-        getattr(model, name)[:] = faults.at_start(model, name) * factor
+        getattr(model, name)[:] = faults.initial_array(model, name) * factor
 
 
 def _mass(env: Any, values: Any, faults: Faults) -> None:
     """Multiply the mass of bodies, by their names, and their inertia."""
     model = _model(env, "mass")
-    known = {model.body(k).name: k for k in range(1, model.nbody) if model.body(k).name}
-    for body, factor in _factors(values, known, "mass").items():
+    bodies = {model.body(k).name: k for k in range(1, model.nbody) if model.body(k).name}
+    for body, factor in _factors(values, bodies, "mass").items():
         for name in ("body_mass", "body_inertia"):
-            getattr(model, name)[known[body]] = faults.at_start(model, name)[known[body]] * factor
+            getattr(model, name)[bodies[body]] = faults.initial_array(model, name)[bodies[body]] * factor
     _derive(model)
 
 
@@ -111,20 +111,20 @@ def _motors(model: Any) -> dict[str, list[int]]:
     """The numbers of the motors of each joint, and of each motor, by their names; a name of both is the joint's."""
     import mujoco
 
-    ways, joints, own = mujoco.mjtTrn, dict[str, list[int]](), dict[str, list[int]]()
+    ways, joints, named = mujoco.mjtTrn, dict[str, list[int]](), dict[str, list[int]]()
     for k in range(model.nu):
         if model.actuator_trntype[k] in (int(ways.mjTRN_JOINT), int(ways.mjTRN_JOINTINPARENT)):
             joints.setdefault(model.joint(int(model.actuator_trnid[k, 0])).name, []).append(k)
-        own[model.actuator(k).name] = [k]
-    return {name: motors for name, motors in (own | joints).items() if name}
+        named[model.actuator(k).name] = [k]
+    return {name: motors for name, motors in (named | joints).items() if name}
 
 
 def _joint_strength(env: Any, values: Any, faults: Faults) -> None:
     """Multiply the strength of motors, by the names of their joints or their own; 0: dead."""
     model = _model(env, "joint_strength")
-    known = _motors(model)
-    for name, factor in _factors(values, known, "joint_strength").items():
-        for motor in known[name]:
+    motors = _motors(model)
+    for name, factor in _factors(values, motors, "joint_strength").items():
+        for motor in motors[name]:
             _strengthen(model, motor, factor, faults)
     _derive(model)
 
@@ -134,20 +134,20 @@ def _strengthen(model: Any, motor: int, factor: float, faults: Faults) -> None:
     import mujoco
 
     def multiply(name: str, columns: Any = slice(None)) -> None:
-        getattr(model, name)[motor, columns] = faults.at_start(model, name)[motor, columns] * factor
+        getattr(model, name)[motor, columns] = faults.initial_array(model, name)[motor, columns] * factor
 
     gain = mujoco.mjtGain(int(model.actuator_gaintype[motor])).name
     bias = mujoco.mjtBias(int(model.actuator_biastype[motor])).name
-    own = [getattr(model, f"actuator_{name}", None) for name in ("armature", "damping")]  # MuJoCo 3.4 has none
+    extras = [getattr(model, f"actuator_{name}", None) for name in ("armature", "damping")]  # MuJoCo 3.4 has none
     match gain, bias:
-        case "mjGAIN_FIXED", "mjBIAS_NONE" if not any(each is not None and np.any(each[motor]) for each in own):
+        case "mjGAIN_FIXED", "mjBIAS_NONE" if not any(each is not None and np.any(each[motor]) for each in extras):
             multiply("actuator_gear")
         case "mjGAIN_FIXED" | "mjGAIN_AFFINE", "mjBIAS_NONE" | "mjBIAS_AFFINE":
             for name in ("actuator_gainprm", "actuator_biasprm", "actuator_forcerange"):
                 multiply(name)
         case "mjGAIN_MUSCLE", "mjBIAS_MUSCLE":
             for name in ("actuator_gainprm", "actuator_biasprm"):
-                force = faults.at_start(model, name)[motor, 2]
+                force = faults.initial_array(model, name)[motor, 2]
                 multiply(name, 2 if force >= 0 else 3)  # a force below 0 is computed from the scale beside it
             multiply("actuator_forcerange")
         case _:
@@ -157,27 +157,28 @@ def _strengthen(model: Any, motor: int, factor: float, faults: Faults) -> None:
             )
 
 
-def _places(given: Any, name: str, faults: Faults) -> list[int]:
-    names, found = {reading: number for number, reading in enumerate(faults.readings)}, list[Any]()
-    if isinstance(given, list | Mapping):
-        found = [names.get(one, one) if isinstance(one, str) else one for one in given]
-    if not found or not all(_whole(number) and 0 <= number < len(names) for number in found):
-        known = f"from 0 to {len(names) - 1}, or names of {', '.join(names)}"
-        raise ValueError(f"{name} must have readings, {known}, got {given!r}")
-    return found
+def _reading_numbers(values: Any, name: str, faults: Faults) -> list[int]:
+    """The numbers of readings that a change gives by number or by name. name: of the change."""
+    names, numbers = {reading: number for number, reading in enumerate(faults.readings)}, list[Any]()
+    if isinstance(values, list | Mapping):
+        numbers = [names.get(value, value) if isinstance(value, str) else value for value in values]
+    if not numbers or not all(_whole(number) and 0 <= number < len(names) for number in numbers):
+        allowed = f"from 0 to {len(names) - 1}, or names of {', '.join(names)}"
+        raise ValueError(f"{name} must have readings, {allowed}, got {values!r}")
+    return numbers
 
 
 def _dead_readings(_env: Any, numbers: Any, faults: Faults) -> None:
     """Let readings, by their numbers or names, be 0."""
-    faults.dead = _places(numbers, DEAD, faults)
+    faults.dead = _reading_numbers(numbers, DEAD, faults)
 
 
 def _noisy_readings(_env: Any, values: Any, faults: Faults) -> None:
     """Add normal noise to readings: {number or name: standard deviation}."""
-    given = _pairs(values, "noisy_readings", "READING: STANDARD DEVIATION")
-    places = _places(given, "noisy_readings", faults)
+    deviations = _pairs(values, "noisy_readings", "READING: STANDARD DEVIATION")
+    numbers = _reading_numbers(deviations, "noisy_readings", faults)
     faults.noise = {
-        place: _number(value, "noisy_readings", 0) for place, value in zip(places, given.values(), strict=True)
+        number: _number(value, "noisy_readings", 0) for number, value in zip(numbers, deviations.values(), strict=True)
     }
 
 
@@ -193,8 +194,9 @@ def _numbers(env: Any) -> list[str]:
     inert = [name for kind in type(env).__mro__ for name in _INERT.get(kind.__name__, ())]
 
     def can_be_set(name: str) -> bool:
-        own = getattr(type(env), name, None)
-        return not name.startswith("_") and name not in inert and not (isinstance(own, property) and own.fset is None)
+        attribute = getattr(type(env), name, None)
+        is_fixed = isinstance(attribute, property) and attribute.fset is None
+        return not (name.startswith("_") or name in inert or is_fixed)
 
     kinds = bool | int | float | np.number | np.bool_
     return [name for name in dir(env) if can_be_set(name) and isinstance(getattr(env, name, None), kinds)]
@@ -204,14 +206,14 @@ def _attribute(env: Any, name: str, value: Any) -> None:
     """Set a number that the environment has, and what a cart-pole makes of it."""
     numbers = _numbers(env)
     if name not in numbers:
-        known = ", ".join([*CHANGES, FUNCTION, *numbers])
-        raise ValueError(f"{type(env).__name__} has no number {name} that acts; a change is one of {known}")
-    own = getattr(env, name)
-    is_switch = isinstance(own, bool | np.bool_)
+        choices = ", ".join([*CHANGES, FUNCTION, *numbers])
+        raise ValueError(f"{type(env).__name__} has no number {name} that acts; a change is one of {choices}")
+    present = getattr(env, name)
+    is_switch = isinstance(present, bool | np.bool_)
     if is_switch and value not in (True, False):
         raise ValueError(f"{name} must be true or false, got {value!r}")
     number = value if is_switch else _number(value, name)
-    setattr(env, name, int(number) if _whole(own) and float(number).is_integer() else number)
+    setattr(env, name, int(number) if _whole(present) and float(number).is_integer() else number)
     if hasattr(env, "polemass_length"):
         env.total_mass, env.polemass_length = env.masspole + env.masscart, env.masspole * env.length
 

@@ -207,14 +207,15 @@ class Compiled(gymnasium.Env[Floats, Any]):
         try:
             function.call(*arguments)
         except Exception as error:  # of numba, or of an index beyond an array
-            others = [] if part is None else user_classes([part.rule, part.network.wiring])
-            raise explained([type(self), *others], error) from error
+            kinds = [] if part is None else user_classes([part.rule, part.network.wiring])
+            raise explained([type(self), *kinds], error) from error
 
 
 @cache
 def _kinds(kind: Any) -> dict[str, Any]:
     """The kind of each setting that is a number: that of its default."""
-    return {one.name: type(one.default) for one in fields(kind) if isinstance(one.default, bool | int | float)}
+    kinds = {setting.name: type(setting.default) for setting in fields(kind)}
+    return {name: number for name, number in kinds.items() if issubclass(number, bool | int | float)}
 
 
 def _random(seed: int) -> NDArray[np.uint64]:
@@ -257,10 +258,10 @@ def _live(
         for k in range(alive.shape[0]):
             if alive[k] == 0.0:
                 activation[k] = 0.0
-        before = reward
+        last_reward = reward
         decide(life)
         if not LEARNS_AFTER:
-            fitness = live_fitness(before, terms.full, terms.neutral)
+            fitness = live_fitness(last_reward, terms.full, terms.neutral)
             update(life, terms.numbers, rate, terms.floor, fitness, terms.step_s, terms.key, step)
         reward = rewards[step] = act(state, numbers, activation, random)
         if LEARNS_AFTER:
@@ -290,22 +291,22 @@ def _parts(kind: Any) -> dict[str, Any]:
     begin = _called(kind, "begin", "state, numbers, random")
     look = _called(kind, "look", "state, numbers, readings")
     move = _called(kind, "move", "state, numbers, action, random")
-    given = "state, numbers, action, random"
+    arguments = "state, numbers, action, random"
     return {
         "begin": begin,
         "look": look,
-        "move": written(given, f"number(move({given}))", {"number": number, "move": move}),
+        "move": written(arguments, f"number(move({arguments}))", {"number": number, "move": move}),
     }
 
 
-def _called(kind: type[Compiled], name: str, given: str) -> Any:
-    """A building block with the arguments `given`, which calls a function of a class with those that it has."""
-    function, known = getattr(kind, name), given.replace("numbers", "by").split(", ")
+def _called(kind: type[Compiled], name: str, arguments: str) -> Any:
+    """A building block with these arguments, which calls a function of a class with those that it has."""
+    function, allowed = getattr(kind, name), arguments.replace("numbers", "by").split(", ")
     names = list(inspect.signature(function).parameters)
-    if unknown := [name for name in names if name not in known]:
-        raise ValueError(f"{kind.__name__}: `{name}` takes {', '.join(unknown)}; known are {', '.join(known)}")
+    if unknown := [name for name in names if name not in allowed]:
+        raise ValueError(f"{kind.__name__}: `{name}` takes {', '.join(unknown)}; known are {', '.join(allowed)}")
     call = f"function({', '.join('By(*numbers)' if name == 'by' else name for name in names)})"
-    return written(given, call, {"function": building_block(function), "By": namedtuple_of("By", kind.settings())})
+    return written(arguments, call, {"function": building_block(function), "By": namedtuple_of("By", kind.settings())})
 
 
 @cache

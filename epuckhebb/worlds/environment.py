@@ -163,7 +163,7 @@ class World:
         what = f"environment {self.name}: observations"
         return Reader(self.observations, self.settings.scale, what, reads_reward=self.settings.reads_reward)
 
-    def reading_by(self, scale: Any, *, in_training: bool = False) -> "World":
+    def rescaled(self, scale: Any, *, in_training: bool = False) -> "World":
         """This environment with another scale. in_training: whether its lifetimes keep moments."""
         return replace(self, settings=replace(self.settings, scale=scale), in_training=in_training)
 
@@ -260,8 +260,8 @@ class World:
             for step in range(steps):
                 while changes and step == changes[0][AT]:
                     self.apply(changes.pop(0), env, faults)
-                for place, deviation in faults.noise.items():
-                    readings[place] += deviation * noise.standard_normal()
+                for number, deviation in faults.noise.items():
+                    readings[number] += deviation * noise.standard_normal()
                 if faults.dead:
                     readings[faults.dead] = 0.0
                 action = turn(act(step, readings, reward, observation))
@@ -333,15 +333,15 @@ class World:
             PartError: the weights, the environment, or a function of the user's, failed.
         """
         settings, horizon, rate = self.settings, self.settings.horizon, controller.rate
-        found, end = np.zeros((2, horizon)), self.split if frozen else horizon
+        recorded, end = np.zeros((2, horizon)), self.split if frozen else horizon
         full, neutral = settings.reward_scale, settings.neutral_fitness
         controller.reset(seed)
 
         def learning(step: int, change: Callable[[], Any]) -> Any:
-            before = controller.weights.copy() if record else controller.weights
+            last_weights = controller.weights.copy() if record else controller.weights
             outputs = change()
             if record:
-                found[:, step] = controller.weight_change, np.abs(controller.weights - before).sum()
+                recorded[:, step] = controller.weight_change, np.abs(controller.weights - last_weights).sum()
             return outputs
 
         values = list[Floats]()
@@ -374,8 +374,8 @@ class World:
         try:
             if is_compiled:
                 run = env.unwrapped.run_lifetime
-                rewards, *found = run(self, controller, seed, self.changes, frozen=end, record=record)
-                found = np.array(found)
+                rewards, *recorded = run(self, controller, seed, self.changes, frozen=end, record=record)
+                recorded = np.array(recorded)
             else:
                 hooks = watch, keep if judge else None, learn if settings.learns_after_move else None
                 rewards = self.episode(env, act, seed, horizon, self.changes, *hooks)
@@ -384,7 +384,7 @@ class World:
             if env is not self._env:
                 env.close()
         controller.check()
-        weight_changes, weight_steps = found[:, : len(rewards) * record]
+        weight_changes, weight_steps = recorded[:, : len(rewards) * record]
         more = {"rewards": rewards, "steps": len(rewards), "weight_change_mean": controller.weight_change_mean}
         fitness = float(rewards.sum()) if judge is None else judge.judged({**seen, **more})
         return Lived(
@@ -402,21 +402,29 @@ class World:
         """The columns of `metrics.csv` that are about one lifetime."""
         rewards, split = lived.rewards, self.split
         has_reached = len(rewards) > split
-        before, after = rewards[:split], rewards[split:]
-        recovery = math.nan
-        if self.settings.changes and len(before) and len(rewards) == self.settings.horizon and len(after) >= _WINDOW:
-            wanted = before.mean() - (1 - _RECOVERED) * abs(before.mean())
-            is_less = np.convolve(after, np.full(_WINDOW, 1 / _WINDOW), "valid") < wanted
-            back = np.flatnonzero(~is_less[is_less.argmax() :])
-            recovery = float(is_less.argmax() + back[0]) if len(back) else math.nan
         return {
             "return": float(rewards.sum()),
             "steps": len(rewards),
             "reached": int(has_reached),
-            "return_before": float(before.sum()),
-            "return_after": float(after.sum()) if has_reached else math.nan,
-            "recovery_steps": recovery,
+            "return_before": float(rewards[:split].sum()),
+            "return_after": float(rewards[split:].sum()) if has_reached else math.nan,
+            "recovery_steps": self._recovery_steps(rewards),
             "weight_change_mean": lived.weight_change_mean,
             "weight_change_final": lived.weight_change_final,
             "saturated_fraction": lived.saturated_fraction,
         }
+
+    def _recovery_steps(self, rewards: Floats) -> float:
+        """Steps from the change until the reward has been near that before it for `_WINDOW` steps, after a loss.
+
+        nan if it never is, and where nothing changes or the lifetime is cut short.
+        """
+        before, after = rewards[: self.split], rewards[self.split :]
+        is_whole = len(rewards) == self.settings.horizon and len(before) and len(after) >= _WINDOW
+        if not self.settings.changes or not is_whole:
+            return math.nan
+        needed = before.mean() - (1 - _RECOVERED) * abs(before.mean())
+        is_less = np.convolve(after, np.full(_WINDOW, 1 / _WINDOW), "valid") < needed
+        first = int(is_less.argmax())  # 0 where there is no loss
+        back = np.flatnonzero(~is_less[first:])
+        return float(first + back[0]) if len(back) else math.nan

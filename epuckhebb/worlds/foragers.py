@@ -38,13 +38,13 @@ FORAGERS: dict[str, Belief] = {
 def earned(world: "Foraging", forager: str, seed: int, steps: int) -> Floats:
     """The rewards of a scripted forager, (steps,), in a lifetime of this seed."""
     believe = FORAGERS[forager]
-    (readings, _), belief, told, rewards = world.reset(seed=seed), GREEN, None, np.zeros(steps)
+    (readings, _), belief, shown, rewards = world.reset(seed=seed), GREEN, None, np.zeros(steps)
     for step in range(steps):
-        belief = believe(world, belief, told)
+        belief = believe(world, belief, shown)
         readings, reward, *_ = world.step(_way(readings, belief, step))
-        told = world.eaten
-        if told is not None and reward < 0:
-            told = 1 - told
+        shown = world.eaten
+        if shown is not None and reward < 0:
+            shown = 1 - shown
         rewards[step] = reward
     return rewards
 
@@ -58,7 +58,7 @@ def _way(readings: Floats, food: int, step: int) -> int:
     return next((way for cell in (_ITEMS[food], _EMPTY, _WALL) for way in order if cells[way] == cell), AHEAD)
 
 
-def by_season(rewards: Floats, season: int) -> Floats:
+def season_sums(rewards: Floats, season: int) -> Floats:
     """The reward of each whole season, (..., seasons). rewards: (..., steps)."""
     seasons = rewards.shape[-1] // season
     parts = rewards[..., : seasons * season].reshape(*rewards.shape[:-1], seasons, season)

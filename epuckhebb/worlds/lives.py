@@ -51,8 +51,8 @@ class Setup(NamedTuple):
 @functools.lru_cache(maxsize=2)
 def _unpickled(setup: bytes) -> Setup:
     """A setup, so that a worker makes the environment once."""
-    found: Setup = pickle.loads(setup)  # of the process that began this one
-    return found
+    loaded: Setup = pickle.loads(setup)  # of the process that began this one
+    return loaded
 
 
 def live_in_worker(load_own: Sequence[Callable[[], object]], setup: bytes, works: Sequence[Work]) -> list[list[Lived]]:

@@ -27,7 +27,7 @@ _KINDS = ("Box", "Discrete", "MultiDiscrete", "MultiBinary", "Readings")
 _TEXT = "Text"
 
 
-def kind_of(space: Any) -> str:
+def space_kind(space: Any) -> str:
     """The name of a space's class in Gymnasium, also of a class made from it; any space of strings is a Text."""
     if getattr(getattr(space, "dtype", None), "kind", "") == "U":
         return _TEXT
@@ -45,7 +45,7 @@ class Part(NamedTuple):
     @property
     def kind(self) -> str:
         """The name of its class in Gymnasium."""
-        return kind_of(self.space)
+        return space_kind(self.space)
 
     @property
     def names(self) -> list[str]:
@@ -64,14 +64,14 @@ def space_parts(space: Any, what: str) -> list[Part]:
     Raises:
         ValueError: it has parts of another kind. what: has the space, as the message says.
     """
-    found = [part for part in _walk(space, ()) if part.kind != _TEXT]
-    for part in found:
+    parts = [part for part in _walk(space, ()) if part.kind != _TEXT]
+    for part in parts:
         if part.kind not in _KINDS:
             where = f"{'.'.join(map(str, part.path))} is" if part.path else "are"
             raise ValueError(f"{what} must be of {', '.join(_KINDS)}, Dict or Tuple of these; {where} of {part.kind}")
-    if not found:
-        raise ValueError(f"{what} must hold numbers, and are of {kind_of(space)}")
-    return found
+    if not parts:
+        raise ValueError(f"{what} must hold numbers, and are of {space_kind(space)}")
+    return parts
 
 
 def text_places(space: Any) -> list[str]:
@@ -80,7 +80,7 @@ def text_places(space: Any) -> list[str]:
 
 
 def _walk(space: Any, path: tuple[Any, ...]) -> Iterator[Part]:
-    match kind_of(space):
+    match space_kind(space):
         case "Dict":
             for key, inner in space.spaces.items():
                 yield from _walk(inner, (*path, key))
@@ -92,7 +92,7 @@ def _walk(space: Any, path: tuple[Any, ...]) -> Iterator[Part]:
 
 
 def _size(space: Any) -> int:
-    match kind_of(space):
+    match space_kind(space):
         case "Discrete":
             return int(space.n)
         case "MultiDiscrete":
@@ -121,18 +121,18 @@ class Reader:
     """
 
     def __init__(
-        self, space: Any, given: Any = None, what: str = "observations", *, reads_reward: bool = False
+        self, space: Any, scale: Any = None, what: str = "observations", *, reads_reward: bool = False
     ) -> None:
         self._parts = space_parts(space, what)
         self.names = [name for part in self._parts for name in part.names]
         self.is_measured = np.repeat([part.kind == "Box" for part in self._parts], [part.size for part in self._parts])
         self.scale = np.concatenate([_usual_scale(part) for part in self._parts])
         mean = np.zeros(len(self.names))
-        if isinstance(given, str) and given == RUNNING:
+        if isinstance(scale, str) and scale == RUNNING:
             if not self.is_measured.any():
                 raise ValueError(f"environment.scale={RUNNING} is for numbers of a Box, and {what} hold none")
-        elif given is not None:
-            mean, self.scale = np.where(self.is_measured, _scale(given, len(self.names)), [[0.0], [1.0]])
+        elif scale is not None:
+            mean, self.scale = np.where(self.is_measured, _scale(scale, len(self.names)), [[0.0], [1.0]])
         ends = np.cumsum([part.size for part in self._parts])
         self._readers = [
             (part.path, _reader(part, mean[end - part.size : end], self.scale[end - part.size : end]))
@@ -148,14 +148,16 @@ class Reader:
         if not self._readers[0][0]:  # a space without parts
             readings = self._readers[0][1](observation)
         else:
-            readings = np.concatenate([read(_at(observation, path)) for path, read in self._readers])
+            readings = np.concatenate([read(_inner(observation, path)) for path, read in self._readers])
         return np.append(readings, reward) if self.reads_reward else readings
 
     def values(self, observation: Any) -> Floats:
         """Each measured number of an observation before its scale, 0 elsewhere, (readings without the reward,)."""
         return np.concatenate(
             [
-                np.ravel(_at(observation, part.path)).astype(np.float64) if part.kind == "Box" else np.zeros(part.size)
+                np.ravel(_inner(observation, part.path)).astype(np.float64)
+                if part.kind == "Box"
+                else np.zeros(part.size)
                 for part in self._parts
             ]
         )
@@ -168,7 +170,8 @@ class Reader:
         return [mean.tolist(), scale.tolist()]
 
 
-def _at(observation: Any, path: tuple[Any, ...]) -> Any:
+def _inner(observation: Any, path: tuple[Any, ...]) -> Any:
+    """The part of an observation to which these keys lead."""
     part = observation
     for key in path:
         try:
@@ -184,26 +187,26 @@ def moments(values: Floats) -> Floats:
     return np.array([np.full(len(mean), len(values)), mean, ((values - mean) ** 2).sum(axis=0)])
 
 
-def merged(one: Floats, other: Floats) -> Floats:
-    """The moments of two sets of rows together, after Chan et al. 1979."""
-    count, apart = np.maximum(one[0] + other[0], 1.0), other[1] - one[1]
-    squares = one[2] + other[2] + apart**2 * one[0] * other[0] / count
-    return np.array([one[0] + other[0], one[1] + apart * other[0] / count, squares])
+def merged(a: Floats, b: Floats) -> Floats:
+    """The moments of two sets of rows together, after Chan et al. 1979. a, b: as from `moments`."""
+    count, apart = np.maximum(a[0] + b[0], 1.0), b[1] - a[1]
+    squares = a[2] + b[2] + apart**2 * a[0] * b[0] / count
+    return np.array([a[0] + b[0], a[1] + apart * b[0] / count, squares])
 
 
-def _scale(given: Any, count: int) -> Floats:
+def _scale(value: Any, count: int) -> Floats:
     """The means and the scales, (2, count)."""
     try:
-        scale = np.asarray(given, np.float64)
+        scale = np.asarray(value, np.float64)
     except (TypeError, ValueError):
         scale = np.zeros(())
-    is_known, both = scale.shape in ((), (count,), (2, count)), np.zeros((2, count))
+    is_known, pair = scale.shape in ((), (count,), (2, count)), np.zeros((2, count))
     if is_known:
-        both[0 if scale.ndim == 2 else 1 :] = scale
-    if not is_known or not (np.isfinite(both).all() and (both[1] > 0).all()):
+        pair[0 if scale.ndim == 2 else 1 :] = scale
+    if not is_known or not (np.isfinite(pair).all() and (pair[1] > 0).all()):
         needed = f"a number above 0, or {count} of them, or a list of {count} means and one of such numbers"
-        raise ValueError(f"environment.scale must be {needed}, or {RUNNING}, or null, got {given}")
-    return both
+        raise ValueError(f"environment.scale must be {needed}, or {RUNNING}, or null, got {value}")
+    return pair
 
 
 def _usual_scale(part: Part) -> Floats:
@@ -246,12 +249,12 @@ def _reader(part: Part, mean: Floats, scale: Floats) -> Callable[[Any], Floats]:
 
 def actor(space: Any) -> Callable[[Floats], Any]:
     """The function from the outputs, (outputs,), to an action; a ValueError for a text, or bounds on one side alone."""
-    match kind_of(space):
+    match space_kind(space):
         case "Dict":
-            turns = dict(zip(space.spaces, _in_turn(list(space.spaces.values())), strict=True))
+            turns = dict(zip(space.spaces, _part_actors(list(space.spaces.values())), strict=True))
             return lambda outputs: {key: turn(outputs) for key, turn in turns.items()}
         case "Tuple":
-            each = _in_turn(list(space.spaces))
+            each = _part_actors(list(space.spaces))
             return lambda outputs: tuple(turn(outputs) for turn in each)
         case "Discrete":
             first = int(space.start)
@@ -271,24 +274,25 @@ def actor(space: Any) -> Callable[[Floats], Any]:
     return _box_actor(space)
 
 
-def _in_turn(spaces: list[Any]) -> list[Callable[[Floats], Any]]:
+def _part_actors(spaces: list[Any]) -> list[Callable[[Floats], Any]]:
     """For each space the function from all outputs to its action."""
     sizes = [sum(part.size for part in _walk(space, ())) for space in spaces]
-    where = [slice(end - size, end) for size, end in zip(sizes, np.cumsum(sizes).tolist(), strict=True)]
+    ends = np.cumsum(sizes).tolist()
 
-    def turned(turn: Callable[[Floats], Any], its: slice) -> Callable[[Floats], Any]:
-        return lambda outputs: turn(outputs[its])
+    def part_actor(space: Any, begin: int, end: int) -> Callable[[Floats], Any]:
+        turn = actor(space)
+        return lambda outputs: turn(outputs[begin:end])
 
-    return [turned(actor(space), its) for space, its in zip(spaces, where, strict=True)]
+    return [part_actor(space, end - size, end) for space, size, end in zip(spaces, sizes, ends, strict=True)]
 
 
 def _box_actor(space: Any) -> Callable[[Floats], Any]:
     low, high, has_low, has_high = _bounds(space)
     if (has_low != has_high).any():
-        place = int(np.flatnonzero(has_low != has_high)[0])
-        ends = f"{low.flat[place]:g} to {high.flat[place]:g}"
+        number = int(np.flatnonzero(has_low != has_high)[0])
+        ends = f"{low.flat[number]:g} to {high.flat[number]:g}"
         raise ValueError(
-            f"action {place} has a bound on one side alone ({ends}), and outputs go from -1 to 1; give an environment "
+            f"action {number} has a bound on one side alone ({ends}), and outputs go from -1 to 1; give an environment "
             "of your own that makes this one in gymnasium.wrappers.TransformAction(env, FUNCTION, Box(-1, 1, SHAPE))"
         )
     low, high = np.where(has_low, low, -1.0), np.where(has_low, high, 1.0)

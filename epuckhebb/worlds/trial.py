@@ -88,11 +88,11 @@ def try_world(world: "World") -> Findings:
         PartError: a step failed, as `World.episode` has it.
     """
     with _made(world) as env:
-        first, other, again = (_seen(world, env, seed) for seed in (0, 1, 0))
-    needs_fresh = first.digest != again.digest or other.digest != _fresh(world, 1).digest
+        first, second, again = (_seen(world, env, seed) for seed in (0, 1, 0))
+    needs_fresh = first.digest != again.digest or second.digest != _fresh(world, 1).digest
     can_repeat = not needs_fresh or first.digest == _fresh(world, 0).digest
     notes = [*_texts(world), *_actions(world)]
-    notes += _readings(world.read, first, other) if world.settings.scale != RUNNING else []
+    notes += _readings(world.read, first, second) if world.settings.scale != RUNNING else []
     if not can_repeat:
         notes.append("The same seed gives another lifetime each time: results cannot be repeated or compared in pairs.")
     elif needs_fresh:
@@ -106,7 +106,7 @@ def try_world(world: "World") -> Findings:
     return Findings(needs_fresh, tuple(f"environment {world.name}: {note}" for note in notes))
 
 
-def _changes(world: "World", before: _Seen) -> list[str]:
+def _changes(world: "World", last: _Seen) -> list[str]:
     """A note for each change that makes no difference to those before it."""
     notes, done = list[str](), list[dict[str, Any]]()
     for change in world.changes:
@@ -115,9 +115,9 @@ def _changes(world: "World", before: _Seen) -> list[str]:
                 continue
             done.append({AT: 0, name: value})
             seen = _fresh(world, 0, done)
-            if seen.digest == before.digest:
+            if seen.digest == last.digest:
                 notes.append(f"{name}={value} at {change[AT]} changes nothing in {STEPS} random steps.")
-            before = seen
+            last = seen
     return notes
 
 
@@ -128,19 +128,21 @@ def _texts(world: "World") -> list[str]:
 
 
 def _listed(names: Sequence[str], places: NDArray[np.intp], largest: Floats) -> str:
-    each = [f"{names[place]} (largest {largest[place]:.3g})" for place in places[:_LISTED]]
+    each = [f"{names[number]} (largest {largest[number]:.3g})" for number in places[:_LISTED]]
     return ", ".join(each) + (f" and {len(places) - _LISTED} more" if len(places) > _LISTED else "")
 
 
 def _readings(read: Reader, *seen: _Seen) -> list[str]:
     """A note on readings of a Box that tell a controller nothing."""
-    low = np.min([one.low for one in seen], axis=0)
-    high = np.max([one.high for one in seen], axis=0)
-    largest = np.max([one.largest for one in seen], axis=0)
+    low = np.min([trial.low for trial in seen], axis=0)
+    high = np.max([trial.high for trial in seen], axis=0)
+    largest = np.max([trial.largest for trial in seen], axis=0)
     is_at_end = read.is_measured & ((low >= _AT_END) | (high <= -_AT_END))
     is_still = read.is_measured & ~is_at_end & (high - low < _STILL)
-    found = {"are 1 or -1": is_at_end, "never move": is_still}
-    places = {what: _listed(read.names, np.flatnonzero(those), largest) for what, those in found.items() if those.any()}
+    groups = {"are 1 or -1": is_at_end, "never move": is_still}
+    places = {
+        what: _listed(read.names, np.flatnonzero(those), largest) for what, those in groups.items() if those.any()
+    }
     texts = [f"readings {those} {what}" for what, those in places.items()]
     is_told, hint = is_at_end | (is_still & (high > low)), ""  # no scale moves a reading that is always the same
     scale = ",".join(f"{value:.3g}" for value in np.where(is_told, largest, read.scale))

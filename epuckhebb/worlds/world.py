@@ -40,7 +40,7 @@ class World(Protocol):
     def check_genome(self, genome: "Genome") -> None:
         """Refuse a genome that cannot run here; a ConfigError."""
 
-    def settings_for(self, genome: "Genome") -> Any:
+    def champion_settings(self, genome: "Genome") -> Any:
         """The settings, with what they leave to the champion that is evaluated."""
 
     def notes(self, genome: "Genome | None" = None) -> list[str]:
