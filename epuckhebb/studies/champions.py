@@ -50,17 +50,17 @@ class ChampionStudy(Study):
     def user_files(self) -> Mapping[Path, OwnFile]:
         """The user's files on which the study depends."""
         jobs = (job for _, stage in self.stages() for job in stage)
-        return {file: own for job in jobs for file, own in own_files(job.config["config"]).items()}
+        return {file: copies for job in jobs for file, copies in own_files(job.config["config"]).items()}
 
     @classmethod
     def work(cls, path: Path, job: Plain, facts: dict[str, Any]) -> None:
         """Evolve a champion, or test one, in the folder that the job is given."""
-        wanted, folder = job["config"], path.parents[1]
-        values = dict(wanted["config"])
-        if wanted["champion"]:
-            values["genome"] = str(folder / wanted["champion"])
-        if "worlds" in wanted:
-            _test(path, make_config(values, EvaluateConfig, f"job {path}"), wanted, job["overrides"], facts)
+        settings, folder = job["config"], path.parents[1]
+        values = dict(settings["config"])
+        if settings["champion"]:
+            values["genome"] = str(folder / settings["champion"])
+        if "worlds" in settings:
+            _test(path, make_config(values, EvaluateConfig, f"job {path}"), settings, job["overrides"], facts)
             return
         config = make_config(values, EvolveConfig, f"job {path}")
         prepared = prepare_evolution(config)
@@ -102,16 +102,16 @@ def worlds_digest(worlds: tuple[str, ...], config_dir: str | None) -> str:
     return digest({name: repr(world_evaluation(name, config_dir).world) for name in worlds})
 
 
-def move_world(prepared: PreparedEvaluation, other: EvaluateConfig) -> PreparedEvaluation:
+def move_world(prepared: PreparedEvaluation, target: EvaluateConfig) -> PreparedEvaluation:
     """An evaluation in the world of another one of its experiment, for as long as lifetimes last there.
 
     The physics is that of the world if a change brings it, as `3d` does.
     """
-    world, ours = other.world, prepared.config.world
+    world, ours = target.world, prepared.config.world
     if world.name == ours.name:
         return prepared
     config = copy.copy(prepared.config)
-    is_brought = any("physics" in brought for brought in other.change.values())
+    is_brought = any("physics" in brought for brought in target.change.values())
     config.world = replace(world, fitness=ours.fitness, physics=world.physics if is_brought else ours.physics)
     config.lifetime = replace(config.lifetime, duration_s=world.paper_duration_s)
     return replace(prepared, config=config)
@@ -126,15 +126,15 @@ def _test(path: Path, config: EvaluateConfig, job: Plain, overrides: list[str], 
     prepared = replace(prepared, genome=replace(genome, name=job.get("name", genome.name)))
     prepared.world.compile(genome.network)
     facts = {"seed": config.seed, "genome": genome.name, "genome_sha256": genome.sha256, **facts}
-    command, text, own = facts["command_line"][1], dump(config), own_files(config.values)
-    with RunFolder.resume(path, command, text, overrides, facts, own, overrides=overrides) as run:
+    command, text, code = facts["command_line"][1], dump(config), own_files(config.values)
+    with RunFolder.resume(path, command, text, overrides, facts, code, overrides=overrides) as run:
 
         def tested(genes: NDArray[np.float64]) -> pd.DataFrame:
             rows: Rows = []
             champion = replace(prepared, genome=replace(prepared.genome, genes=genes))
             for name in job["worlds"]:
-                there = move_world(champion, world_evaluation(name, job.get("config_dir")))
-                rows += there.run(threads)[0]
+                moved = move_world(champion, world_evaluation(name, job.get("config_dir")))
+                rows += moved.run(threads)[0]
             return pd.DataFrame(rows)
 
         metrics = tested(genome.genes)
@@ -145,6 +145,6 @@ def _test(path: Path, config: EvaluateConfig, job: Plain, overrides: list[str], 
             training_world, *_ = job["worlds"]
             evolution = earlier_champions(path.parents[1] / job["champion"], job["course"])
             course = [
-                {"robot_steps": n, **board.champion_counts(tested(one), training_world)[0]} for n, one in evolution
+                {"robot_steps": n, **board.champion_counts(tested(genes), training_world)[0]} for n, genes in evolution
             ]
             run.write("course.csv", pd.DataFrame(course)[["robot_steps", "trials", "successes"]])

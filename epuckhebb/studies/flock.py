@@ -136,21 +136,21 @@ class FlockStudy(Study):
         seeds = range(study.seed, study.seed + condition.repeats)
         rows, minutes, pairs = [], [], []
         for flock, row in product(condition.flocks, study.rows):
-            here = {"breaks": flock.breaks, "coupling": row.name}
+            labels = {"breaks": flock.breaks, "coupling": row.name}
             records = _run_flocks([(row, flock, seed) for seed in seeds], threads)
-            pairs.append(tables.couplings(flock, records).assign(**here))
+            pairs.append(tables.couplings(flock, records).assign(**labels))
             for seed, record in zip(seeds, records, strict=True):
-                rows.append({**condition.settings, **here, "seed": seed, **tables.run_metrics(flock, record)})
+                rows.append({**condition.settings, **labels, "seed": seed, **tables.run_metrics(flock, record)})
                 for minute, cosine in enumerate(tables.minute_cosines(flock, record)):
-                    minutes.append({**here, "seed": seed, "minute": minute + 0.5, "cosine": cosine})
+                    minutes.append({**labels, "seed": seed, "minute": minute + 0.5, "cosine": cosine})
         return {"runs": pd.DataFrame(rows), "minutes": pd.DataFrame(minutes), "couplings": pd.concat(pairs)}
 
     def tables(self, runs: Sequence[Run]) -> dict[str, pd.DataFrame]:
         """All flocks, each condition with its intervals, and courses and couplings of the usual one."""
         every = pd.concat([run.table("runs.csv") for run in runs], ignore_index=True)
-        found = {"runs": every, "flock": tables.table(every, self.seed)}
-        found["curves"] = tables.curves(runs[0].table("minutes.csv"), self.seed)
-        return found | {"couplings": runs[0].table("couplings.csv")}
+        made = {"runs": every, "flock": tables.table(every, self.seed)}
+        made["curves"] = tables.curves(runs[0].table("minutes.csv"), self.seed)
+        return made | {"couplings": runs[0].table("couplings.csv")}
 
     def figures(self, run: Run) -> dict[str, "Figure"]:
         """Figures by name; couplings are those of the usual condition, with the last kind of break."""
@@ -190,8 +190,8 @@ class FlockStudy(Study):
 
 def plan(arguments: list[str], *, quick: bool = False, config_dir: str | None = None) -> Planned:
     """Plan the study. arguments: overrides, of the study and of Hydra."""
-    own, of_hydra = split("flock", arguments)
-    study = load(FlockStudy, [*(QUICK if quick else ()), *own], config_dir)
+    overrides, of_hydra = split("flock", arguments)
+    study = load(FlockStudy, [*(QUICK if quick else ()), *overrides], config_dir)
     return prepare(study, of_hydra, [*(["--quick"] if quick else []), *arguments])
 
 
@@ -217,8 +217,9 @@ def _rows(keys: FlockKeys) -> list[Row]:
     rows = [Row(FROZEN, Frozen())]
     for where in _ROWS if keys.coupling == ALL else (keys.coupling,):
         name = where.rpartition(":")[2]
-        own = part_settings(part_class("coupling", where, "flock"), dict(keys.own), "flock.own", f"coupling {name}")
-        coupling = make_part("coupling", {"coupling": where, "N": keys.N, "decay": keys.decay, **own}, "flock")
+        kind = part_class("coupling", where, "flock")
+        parameters = part_settings(kind, dict(keys.own), "flock.own", f"coupling {name}")
+        coupling = make_part("coupling", {"coupling": where, "N": keys.N, "decay": keys.decay, **parameters}, "flock")
         if name not in (FROZEN, ORACLE):
             rows.append(Row(name, coupling))
         if keys.shuffled and name not in _WITHOUT_CONTROL:
@@ -236,7 +237,7 @@ def _conditions(keys: FlockKeys, repeats: int) -> list[Condition]:
     values = product(keys.sweep.loudness or [keys.loudness], keys.sweep.knowers or [keys.knowers])
     cells = [usual, *({**usual, "loudness": loudness, "knowers": knowers} for loudness, knowers in values)]
     cells += [{**usual, "range_m": range_m} for range_m in keys.sweep.range_m]
-    different = [cell for place, cell in enumerate(cells) if cell not in cells[:place]]
+    different = [cell for number, cell in enumerate(cells) if cell not in cells[:number]]
     return [
         Condition(
             [Flock(breaks=name, **shared, **cell) for name in names], keys.sweep.repeats if number else repeats, cell

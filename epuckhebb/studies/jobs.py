@@ -99,18 +99,18 @@ def launch(study: RunFolder, name: str, jobs: Sequence[Job], launcher: list[str]
         return [
             Task(
                 name=job.purpose or words or job.run,
-                overrides=own,
-                path=folder / UNFINISHED / f"{stamp}_{place}",
+                overrides=override,
+                path=folder / UNFINISHED / f"{stamp}_{number}",
                 result=folder / job.run,
             )
-            for place, (job, words, own) in enumerate(zip(missing, names, listed, strict=True))
+            for number, (job, words, override) in enumerate(zip(missing, names, listed, strict=True))
         ]
 
     tasks = Jobs(plan, says_counts=False)  # only what is missing
     if missing:
-        place = f"{SWEEP_DIR}{quoted(str(folder.absolute()))}"  # a worker may have been started elsewhere
+        sweep_dir = f"{SWEEP_DIR}{quoted(str(folder.absolute()))}"  # a worker may have been started elsewhere
         names = f"job={','.join(job.run for job in missing)}"
-        hydra.call("study", do, [names, *launcher, place, "--multirun"], jobs=tasks)
+        hydra.call("study", do, [names, *launcher, sweep_dir, "--multirun"], jobs=tasks)
     reasons = {task.result.name: reason for task, reason in tasks.failures}
     with suppress(OSError):
         (folder / UNFINISHED).rmdir()  # unless something is left in it

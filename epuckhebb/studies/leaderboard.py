@@ -98,10 +98,11 @@ class Leaderboard(ChampionStudy):
     def worlds(self) -> dict[str, dict[str, Scenario]]:
         """The test worlds of each experiment, by name; reversal learning has none but its own world."""
         every = experiment_worlds(self.tests, self.config_dir)
-        worlds = {one: every.get(one, {}) for one in self.experiments}
-        for one, own in worlds.items():
-            if not own and one != REVERSAL:
-                raise ConfigError(f"tests={','.join(self.tests)}: none of their scenarios is of the {one} experiment")
+        worlds = {experiment: every.get(experiment, {}) for experiment in self.experiments}
+        for experiment, tests in worlds.items():
+            if not tests and experiment != REVERSAL:
+                names = ",".join(self.tests)
+                raise ConfigError(f"tests={names}: none of their scenarios is of the {experiment} experiment")
         return worlds
 
     @functools.cached_property
@@ -110,13 +111,13 @@ class Leaderboard(ChampionStudy):
         methods = find_methods(self.methods, self.config_dir)
         entries: list[Entry] = []
         for experiment in self.worlds:
-            here: dict[str, Entry] = {}
+            by_name: dict[str, Entry] = {}  # a method comes after the one whose champions it takes
             for method in reversal_methods(methods) if experiment == REVERSAL else methods:
                 try:
-                    here[method.name] = _entry(self, experiment, method, here.get(method.champions_of))
+                    by_name[method.name] = _entry(self, experiment, method, by_name.get(method.champions_of))
                 except ConfigError as error:
                     raise ConfigError(f"method {method.name}: {error}") from error
-            entries += here.values()
+            entries += by_name.values()
         return entries
 
     def stages(self) -> list[tuple[str, list[Job]]]:
@@ -176,9 +177,10 @@ class Leaderboard(ChampionStudy):
 
         limits = {REVERSAL: Reversal().limits()}
         tables = run.table("leaderboard.csv"), run.table("champions.csv")
+        groups = (table.groupby("experiment") for table in tables)
         drawn = {
-            f"leaderboard_{one}": charts.success(own, champions, limits.get(str(one), {}))
-            for (one, own), (_, champions) in zip(*(table.groupby("experiment") for table in tables), strict=True)
+            f"leaderboard_{experiment}": charts.success(methods, champions, limits.get(str(experiment), {}))
+            for (experiment, methods), (_, champions) in zip(*groups, strict=True)
         }
         drawn["profiles"] = charts.profiles(*tables)
         if run.has("anytime.csv"):
@@ -190,7 +192,7 @@ class Leaderboard(ChampionStudy):
     def page(self, run: Run, captions: Mapping[str, str]) -> str:
         """The page of the leaderboard in Markdown."""
         meanings = {entry.row.method: entry.description for entry in self.entries}
-        tests = {experiment: list(own) for experiment, own in self.worlds.items()}
+        tests = {experiment: list(worlds) for experiment, worlds in self.worlds.items()}
         table, worlds = (_table(run, name) for name in ("leaderboard", "worlds"))
         few = "**A smoke test: so few champions say nothing about a method.** " if self.champions < _ENOUGH else ""
         sweeps = ", ".join(self.tests)
@@ -223,9 +225,9 @@ def plan(experiment: str, arguments: list[str], *, quick: bool = False, config_d
     if named - {*EXPERIMENTS, ALL}:
         raise ConfigError(f"leaderboard {experiment}: it must be one or more of {', '.join(EXPERIMENTS)}, or {ALL}")
     typed = [experiment, *(["--quick"] if quick else []), *arguments]
-    own, of_hydra = split("leaderboard", arguments)
-    study = load(Leaderboard, [*(QUICK if quick else ()), *map(_as_list, own)], config_dir)
-    study.experiments = [one for one in EXPERIMENTS if one in named or ALL in named]
+    overrides, of_hydra = split("leaderboard", arguments)
+    study = load(Leaderboard, [*(QUICK if quick else ()), *map(_as_list, overrides)], config_dir)
+    study.experiments = [name for name in EXPERIMENTS if name in named or ALL in named]
     if config_dir is not None:
         typed += ["--config-dir", config_dir]
         study.config_dir = str(Path(config_dir).absolute())
@@ -253,7 +255,7 @@ def _swept(name: str, config_dir: str | None) -> tuple[str, ...]:
 
 def experiment_worlds(sweeps: Sequence[str], config_dir: str | None) -> dict[str, dict[str, Scenario]]:
     """The test worlds of every experiment: those of these sweeps, without the training world."""
-    tests: dict[str, dict[str, Scenario]] = {one: {} for one in TRAINED}
+    tests: dict[str, dict[str, Scenario]] = {experiment: {} for experiment in TRAINED}
     for name in (name for sweep in sweeps for name in _swept(sweep, config_dir)):
         world = world_evaluation(name, config_dir).world
         if name != TRAINED[world.experiment]:
@@ -266,7 +268,7 @@ def _entry(study: Leaderboard, experiment: str, method: Method, over: Entry | No
     training, tests = TRAINED.get(experiment, TRAINED["obstacles"]), study.worlds[experiment]
     if over and over.row.kind != PLAIN:
         raise ConfigError(f"champions_of={method.champions_of}: its champions have a rule; no other can be added")
-    jobs = {stage: own for stage, own in over.jobs.items() if stage != _TESTS} if over else {}
+    jobs = {stage: seeds for stage, seeds in over.jobs.items() if stage != _TESTS} if over else {}
     if method.evolve:
         words = [*([] if "scenario" in method.evolve else [f"scenario={training}"]), *format_overrides(method.evolve)]
         evolved = load(EvolveConfig, [*words, *(["genome=given"] if over else [])], study.config_dir)

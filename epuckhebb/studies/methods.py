@@ -59,7 +59,7 @@ def find_methods(names: Sequence[str], config_dir: str | None = None) -> list[Me
     names: of methods, `FILE.py:NAME` for a rule, or `all`. config_dir: the user's folder, with methods in `method/`.
     """
     files = {file.stem: file for file in Path(config_dir, "method").glob("*.yaml")} if config_dir else {}
-    known = sorted({*conf.rows("method"), *files})
+    choices = sorted({*conf.rows("method"), *files})
     chosen: dict[str, Method] = {}
 
     def choose(name: str, waiting: tuple[str, ...] = ()) -> None:
@@ -69,21 +69,21 @@ def find_methods(names: Sequence[str], config_dir: str | None = None) -> list[Me
             method = _rule_method(name)
         elif name in files:
             method = _method(name, settings_in(files[name]), conf.first_comment(files[name]), str(files[name]))
-        elif name in known:
+        elif name in choices:
             method = _method(name, conf.table("method")[name], conf.rows("method")[name], f"method {name}")
         else:
-            hint = did_you_mean(name, known)
-            raise ConfigError(f"methods={name}: it must be one of {', '.join(known)}, or FILE.py:NAME{hint}")
+            hint = did_you_mean(name, choices)
+            raise ConfigError(f"methods={name}: it must be one of {', '.join(choices)}, or FILE.py:NAME{hint}")
         if method.comparison:
             choose(method.comparison, (*waiting, name))
         if chosen.setdefault(method.name, method) != method:
             raise ConfigError(f"methods={name}: another one has the name {method.name}, too; give your rule another")
 
     if not names:
-        raise ConfigError(f"methods must name one method or more: {', '.join([ALL, *known])}, or FILE.py:NAME")
+        raise ConfigError(f"methods must name one method or more: {', '.join([ALL, *choices])}, or FILE.py:NAME")
     for name in names:
-        for one in known if name == ALL else [str(name)]:
-            choose(one)
+        for choice in choices if name == ALL else [str(name)]:
+            choose(choice)
     return list(chosen.values())
 
 
@@ -93,22 +93,22 @@ def reversal_methods(methods: Sequence[Method]) -> list[Method]:
     Methods with the same are one here. Those with neither, and those with an adaptation, are left out.
     """
     (plain,) = find_methods([_PLAIN])
-    found = [replace(plain, evolve={**REVERSAL_TASK, **REVERSAL_GA})]
+    chosen = [replace(plain, evolve={**REVERSAL_TASK, **REVERSAL_GA})]
     parts: list[tuple[object, ...]] = []
     for method in methods:
         settings = method.evolve or method.evaluate
-        own = {key: value for key, value in settings.items() if key.partition(".")[0] in _MEMORY}
-        part = bool(method.evolve), bool(method.champions_of), own
-        others = {key.partition(".")[0] for key in settings} - {*_MEMORY, "optimizer", "ga", "training"}
-        if own and not others and part not in parts:
+        memory = {key: value for key, value in settings.items() if key.partition(".")[0] in _MEMORY}
+        part = bool(method.evolve), bool(method.champions_of), memory
+        rest = {key.partition(".")[0] for key in settings} - {*_MEMORY, "optimizer", "ga", "training"}
+        if memory and not rest and part not in parts:
             parts.append(part)
-            whose = method.champions_of if method.champions_of in [one.name for one in found] else _PLAIN
+            whose = method.champions_of if method.champions_of in [method.name for method in chosen] else _PLAIN
             compared = {"champions_of": whose} if method.champions_of else {"matched_control": _PLAIN}
-            evolve = {**REVERSAL_TASK, **REVERSAL_GA, **own} if method.evolve else {}
-            evaluate = {} if method.evolve else {**REVERSAL_TASK, **own}
+            evolve = {**REVERSAL_TASK, **REVERSAL_GA, **memory} if method.evolve else {}
+            evaluate = {} if method.evolve else {**REVERSAL_TASK, **memory}
             named = {"name": method.name, "description": method.description}
-            found.append(Method(evolve=evolve, evaluate=evaluate, **compared, **named))
-    return found
+            chosen.append(Method(evolve=evolve, evaluate=evaluate, **compared, **named))
+    return chosen
 
 
 def _method(name: str, values: Mapping[str, Any], description: str, where: str) -> Method:

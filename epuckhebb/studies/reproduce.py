@@ -89,8 +89,8 @@ class Reproduction(ChampionStudy):
             return None
         genome = load_genome(self.genome, "obstacles")
         if genome.network != PAPER_NETWORK or genome.robot not in ("", EPUCK.name):
-            own = f"{genome.robot or 'any robot'}, {genome.network}"
-            raise ConfigError(f"genome={self.genome} is for {own}, not {EPUCK.name}, {PAPER_NETWORK}")
+            body = f"{genome.robot or 'any robot'}, {genome.network}"
+            raise ConfigError(f"genome={self.genome} is for {body}, not {EPUCK.name}, {PAPER_NETWORK}")
         return genome
 
     @functools.cached_property
@@ -141,19 +141,19 @@ class Reproduction(ChampionStudy):
         if todo(run.path, list(self.jobs[_TEST].values())):
             raise ConfigError(f"{run.path} was made by another version of the program; run it again")
         shown, histories = dict[str, Any](), dict[str, list[pd.DataFrame]]()
-        for one, (best, *_) in _showcases(run).items():
+        for experiment, (best, *_) in _showcases(run).items():
             if self.fixed_genome:
-                shown[one] = best, self.fixed_genome.genes
+                shown[experiment] = best, self.fixed_genome.genes
                 continue
-            own = {name: run.path / job.run for (where, name), job in self.jobs[_EVOLVE].items() if where == one}
-            shown[one] = best, load_genome(str(own[best]), one).genes
-            histories[one] = [Run(path).table("history.csv") for path in own.values()]
+            jobs = {name: job for (where, name), job in self.jobs[_EVOLVE].items() if where == experiment}
+            shown[experiment] = best, load_genome(str(run.path / jobs[best].run), experiment).genes
+            histories[experiment] = [Run(run.path / job.run).table("history.csv") for job in jobs.values()]
 
         def world(scenario: str) -> tuple[Scenario, Lifetime]:
-            there = load(EvaluateConfig, [f"scenario={scenario}"])
-            return replace(there.world, physics=make_part("physics", self.physics, "physics")), there.lifetime
+            config = load(EvaluateConfig, [f"scenario={scenario}"])
+            return replace(config.world, physics=make_part("physics", self.physics, "physics")), config.lifetime
 
-        signals = {one: self.signal.choose(one) for one in shown}
+        signals = {experiment: self.signal.choose(experiment) for experiment in shown}
         names = ("doses", "rescue_over_all", "rescue_and_harm", "ends")
         tables = {name: run.table(f"{name}.csv") for name in names if run.has(f"{name}.csv")}
         return reproduction.make_figures(tables, shown, signals, world, histories, self.seed)
@@ -190,8 +190,8 @@ def plan(experiment: str, arguments: list[str], *, quick: bool = False) -> Plann
     """Plan the study. experiment: one of `EXPERIMENTS`. arguments: overrides, of the study and of Hydra."""
     if experiment not in EXPERIMENTS:
         raise ConfigError(f"reproduce {experiment}: the experiment must be one of {', '.join(EXPERIMENTS)}")
-    own, of_hydra = split("reproduce", arguments)
-    study = load(Reproduction, [*(QUICK if quick else ()), *own])
+    overrides, of_hydra = split("reproduce", arguments)
+    study = load(Reproduction, [*(QUICK if quick else ()), *overrides])
     study.experiments = experiment
     return prepare(study, of_hydra, [experiment, *(["--quick"] if quick else []), *arguments])
 

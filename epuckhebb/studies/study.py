@@ -83,7 +83,7 @@ class Study(Checked):
     def page(self, run: Run, captions: Mapping[str, str]) -> str:
         """The page of the study in Markdown. captions: of the figures, by name."""
         parts = [f"# {type(self).__name__}\n", f"{inspect.cleandoc(self.__doc__ or '')}\n", *pictures(captions)]
-        return "\n".join([*parts, *(f"## {one.title}\n\n{one.markdown()}" for one in self.shown(run))])
+        return "\n".join([*parts, *(f"## {table.title}\n\n{table.markdown()}" for table in self.shown(run))])
 
     @classmethod
     def shown(cls, run: Run) -> list[Table]:
@@ -127,10 +127,10 @@ class Study(Checked):
     def work(cls, path: Path, job: Plain, facts: dict[str, Any]) -> None:
         """Do a job in the folder that it is given."""
         config = job["config"]
-        own = own_files({"study": cls.reference, **config})
+        code = own_files({"study": cls.reference, **config})
         text = yaml.safe_dump(config, sort_keys=False)
         words = job["overrides"]
-        with RunFolder.resume(path, cls.command, text, words, facts, own, overrides=words) as run:
+        with RunFolder.resume(path, cls.command, text, words, facts, code, overrides=words) as run:
             for name, table in cls.do(config).items():
                 run.write(f"{_checked(name)}.csv", table)
 
@@ -202,8 +202,8 @@ def prepare(study: Study, of_hydra: Sequence[str], arguments: list[str]) -> Plan
 
 def plan_user_study(reference: str, arguments: list[str]) -> Planned:
     """Plan a study of the user's. reference: FILE.py:NAME. arguments: overrides, of the study and of Hydra."""
-    own, of_hydra = split("sweep", arguments)
-    study = make_config(values_of(own), _user_study(reference), f"sweep {reference}")
+    overrides, of_hydra = split("sweep", arguments)
+    study = make_config(values_of(overrides), _user_study(reference), f"sweep {reference}")
     try:
         return prepare(study, of_hydra, [reference, *arguments])
     except ConfigError:
@@ -220,8 +220,8 @@ def conduct(planned: Planned) -> Outcome:
     """
     study, jobs = planned.study, planned.jobs
     facts = {"seed": study.seed} if hasattr(study, "seed") else {}
-    own, arguments = study.user_files, planned.arguments
-    with RunFolder.resume(planned.folder, study.command, study.config_text, arguments, facts, own) as folder:
+    code, arguments = study.user_files, planned.arguments
+    with RunFolder.resume(planned.folder, study.command, study.config_text, arguments, facts, code) as folder:
         folder.left_behind = lambda: (
             f"{len(jobs) - len(todo(folder.path, jobs))} of {len(jobs)} jobs are done; the same command does the rest"
         )
@@ -278,13 +278,13 @@ def find_study(reference: str) -> type[Study]:
 
 def job_name(kind: str, depends: Plain) -> str:
     """The name of the run of a job: by what it depends on, the user's files, wherever they are, and the program."""
-    own = own_files(depends)
+    code = own_files(depends)
     depends = copy.deepcopy(conf.without(depends, conf.NO_EFFECT))
     if "config" in depends:
         depends["config"] = conf.without(depends["config"], conf.NO_EFFECT)
     for part, key, _, name in list(user_references(depends)):
         part[key] = name
-    return f"{kind}_{fingerprint(depends, user_code=[file.digest for file in own.values()])}"
+    return f"{kind}_{fingerprint(depends, user_code=[file.digest for file in code.values()])}"
 
 
 def _user_study(reference: str) -> type[Study]:

@@ -101,10 +101,10 @@ class Sweep(Study):
 
     def report(self, folder: RunFolder, planned: Planned, outcome: Outcome) -> None:
         """Write `sweep.csv`, `failed.csv` and the tables over all; the same jobs give bit-identical files."""
-        failed = [{**_place(job), **job.settings, "error": error} for job, error in outcome.failures]
+        failed = [{**_labels(job), **job.settings, "error": error} for job, error in outcome.failures]
         folder.write("failed.csv", pd.DataFrame(failed, columns=list(failed[0]) if failed else ["job", "run", "error"]))
         gathered = gather(
-            [_evaluated(folder.path / job.run, job.settings, job.config, _place(job)) for job in outcome.done]
+            [_evaluated(folder.path / job.run, job.settings, job.config, _labels(job)) for job in outcome.done]
         )
         folder.write("sweep.csv", gathered.rows)
         _write_tables(folder.path, folder.write, gathered, [job.config for job in outcome.done])
@@ -118,28 +118,28 @@ class Sweep(Study):
     def shown(cls, run: Run) -> list[Table]:
         """The summary of the sweep, as the terminal shows it."""
         files = {name: f"{name}.csv" for name in ("summary", "over_champions", "rescue_over_all", "ends")}
-        if "return" in (own := run.table("summary.csv")):
+        if "return" in (table := run.table("summary.csv")):
             effects = [environments.readable_effects(run.table("effects.csv"))] if run.has("effects.csv") else []
-            is_over_champions = (own.champions > 1).any()
-            what, counts = ("champions", own.champions) if is_over_champions else ("lifetimes", own.lifetimes)
-            return [environments.readable(own, f"Means, {interval_title(what, counts.tolist())}"), *effects]
-        if "best_fitness" in own:
-            return [evolutions.readable(own)]
+            is_over_champions = (table.champions > 1).any()
+            what, counts = ("champions", table.champions) if is_over_champions else ("lifetimes", table.lifetimes)
+            return [environments.readable(table, f"Means, {interval_title(what, counts.tolist())}"), *effects]
+        if "best_fitness" in table:
+            return [evolutions.readable(table)]
         return summary.readable({name: run.table(file) for name, file in files.items() if run.has(file)})
 
 
 def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Planned:
     """List the jobs of a sweep, each composed and checked; two that would do the same are one."""
-    named, (own, of_hydra) = [f"experiment={name}"], split("sweep", arguments)
+    named, (words, of_hydra) = [f"experiment={name}"], split("sweep", arguments)
     no_launcher = [word for word in of_hydra if not word.startswith("hydra.launcher.")]  # it is chosen for the jobs
     params = swept_values([*named, *no_launcher], config_dir)
     if not params:
         raise ConfigError(f"experiment={name} has no hydra.sweeper.params: it is one job, for `epuckhebb evaluate`")
-    if "genome" not in params or any(word.startswith("genome=") for word in own):  # else champions are the sweep's
+    if "genome" not in params or any(word.startswith("genome=") for word in words):  # else champions are the sweep's
         arguments = inherit_choices(arguments, config_dir)
-        own, _ = split("sweep", arguments)
-    command, (_, *own) = hydra_arguments("evaluate", [*named, *own])
-    words = readable([*(f"{key}={values}" for key, values in params.items()), *own])
+        words, _ = split("sweep", arguments)
+    command, (_, *words) = hydra_arguments("evaluate", [*named, *words])
+    words = readable([*(f"{key}={values}" for key, values in params.items()), *words])
     check_words(command, words, several=True)
     choices = alternatives(words)
     listed: dict[str, Job] = {}
@@ -220,17 +220,17 @@ def _ways(runs: Sequence[Path]) -> list[tuple[Mapping[str, Any], list[pd.DataFra
 
     Those that went on for other times differ in their `generations`.
     """
-    every, found = list(map(_settings, runs)), [evolved(path) for path in runs]
-    lengths = [str(len(history)) for _, history in found]
-    typed = [{key: value for key, value in own.items() if key != "seed"} for own in every]
-    if any(len({one for one, own in zip(lengths, typed, strict=True) if own == same}) > 1 for same in typed):
-        every = [{**own, "generations": length} for own, length in zip(every, lengths, strict=True)]
-    keys = dict.fromkeys(key for own in every for key in own if key != "seed")
-    differ = [key for key in keys if len({own.get(key) for own in every}) > 1]
+    every, finished = list(map(_settings, runs)), [evolved(path) for path in runs]
+    lengths = [str(len(history)) for _, history in finished]
+    typed = [{key: value for key, value in settings.items() if key != "seed"} for settings in every]
+    if any(len({n for n, settings in zip(lengths, typed, strict=True) if settings == same}) > 1 for same in typed):
+        every = [{**settings, "generations": length} for settings, length in zip(every, lengths, strict=True)]
+    keys = dict.fromkeys(key for settings in every for key in settings if key != "seed")
+    differ = [key for key in keys if len({settings.get(key) for settings in every}) > 1]
     ways: dict[tuple[str, ...], list[Any]] = {}
-    for one, settings in zip(found, every, strict=True):
-        ways.setdefault(tuple(settings.get(key, "") for key in differ), []).append(one)
-    return [(dict(zip(differ, way, strict=True)), evolutions.distinct(own)) for way, own in ways.items()]
+    for evolution, settings in zip(finished, every, strict=True):
+        ways.setdefault(tuple(settings.get(key, "") for key in differ), []).append(evolution)
+    return [(dict(zip(differ, way, strict=True)), evolutions.distinct(group)) for way, group in ways.items()]
 
 
 def shortened(names: Sequence[str]) -> list[str]:
@@ -246,7 +246,7 @@ def figures(run: Run) -> dict[str, "Figure"]:
     if (runs := _finished(multirun_runs(run.path))) and Run(runs[0]).has(_HISTORY):
         ways = _ways(runs)
         names = shortened([", ".join(way.values()) for way, _ in ways])
-        named = dict(zip(names, (own for _, own in ways), strict=True))
+        named = dict(zip(names, (histories for _, histories in ways), strict=True))
         return {"learning": charts.learning_curves(named, ", ".join(ways[0][0]))}
     drawn = {
         "dose_response": ("doses.csv", charts.dose_response),
@@ -301,7 +301,7 @@ def _figure_kind(configs: Sequence[Plain]) -> str:
     return next((str(config["figures"]) for config in configs if config["figures"] != "none"), "none")
 
 
-def _evaluated(path: Path, settings: Mapping[str, str], config: Plain, place: Mapping[str, str]) -> Evaluated:
+def _evaluated(path: Path, settings: Mapping[str, str], config: Plain, labels: Mapping[str, str]) -> Evaluated:
     """A run and its lifetimes, whose numbers stay as text."""
     run = Run(path)
     facts = run.provenance
@@ -311,11 +311,11 @@ def _evaluated(path: Path, settings: Mapping[str, str], config: Plain, place: Ma
         sha256=facts["genome_sha256"],
         ids=facts["lifetimes"],
         rows=pd.DataFrame(list(rows), dtype=str),
-        labels=place,
+        labels=labels,
         config=dict(conf.flat(config)),
     )
 
 
-def _place(job: Job) -> dict[str, str]:
+def _labels(job: Job) -> dict[str, str]:
     """The first columns: which job, and which run folder."""
     return {"job": str(job.number), "run": job.run}
