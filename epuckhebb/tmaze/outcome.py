@@ -92,8 +92,8 @@ def measure_outcomes(
 ) -> list[Outcome]:
     """The metrics of lifetimes so far, of one step or more.
 
-    lives: their arrays, as `Block` has them. world: of the last step. side: of the goal. at_start:
-    distance from each start to the nearest goal [m]. bound: of the weights. poses: of the robots after the last step.
+    lives: their arrays, as `Block` has them. world: of the last step. side: of the goal. at_start: distance from each
+    start to the nearest goal [m]. bound: of the weights. poses: of the robots after the last step.
     """
     tally, radius = lives.tally[:, 0], world.maze.goal_radius_m
     (other_goal,) = (world.goals_now[end] for end in SIDES if end != side)
@@ -101,7 +101,7 @@ def measure_outcomes(
     behaviour = (tally["behaviour_sum"] / steps).tolist()
     reward = [fitness.reward(distance) for distance in distances.tolist()]
     trials = lives.trials.view(np.uint8).copy().view(TRIAL)  # copied byte by byte, as a record's padding is not
-    columns = (
+    columns = (  # in the order of the fields of an outcome
         tally["time_to_goal"].tolist(),
         tally["path_length"].tolist(),
         distances.tolist(),

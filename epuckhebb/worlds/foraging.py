@@ -183,8 +183,9 @@ class Foraging(Compiled):
     def picture(self) -> NDArray[np.uint8]:
         """The field from above; the robot has a light nose."""
         state = self.state
-        kinds = [_COLOURS[name] for name in ("ground", "green", "blue")]
-        image: NDArray[np.uint8] = np.array(kinds, np.uint8)[(state.cells > 0) * (1 + (state.cells > self.items))]
+        kinds = np.where(state.cells == 0, 0, np.where(state.cells <= self.items, 1, 2))  # the first items are green
+        colours = np.array([_COLOURS[name] for name in ("ground", "green", "blue")], np.uint8)
+        image: NDArray[np.uint8] = colours[kinds]
         image[state.robot[ROW], state.robot[COLUMN]] = _COLOURS["robot"]
         image = image.repeat(_PIXELS, 0).repeat(_PIXELS, 1)
         nose = beside(0, 0, state.robot[HEADING])
