@@ -155,10 +155,9 @@ def _content(genome: Genome, config: EvaluateConfig) -> dict[str, Any]:
 def _rule(controller: Controller) -> dict[str, Any]:
     """The settings of the rule, which must be the paper's without an adaptation."""
     rule = controller.rule
-    as_in_paper = rule.sign is Sign.hebbian and rule.initial_weights is InitialWeights.evolved and not rule.N_gain_rad_s
-    as_in_paper = as_in_paper and make_schedule(rule) == EVERY_STEP and not rule.carries_history
-    as_in_paper = as_in_paper and rule.control is Control.none
-    if not isinstance(rule, Paper) or not as_in_paper or controller.adaptation.acts:
+    evolved = rule.initial_weights is InitialWeights.evolved and not rule.N_gain_rad_s and not rule.carries_history
+    plain = rule.sign is Sign.hebbian and rule.control is Control.none and make_schedule(rule) == EVERY_STEP
+    if not (isinstance(rule, Paper) and evolved and plain) or controller.adaptation.acts:
         needs = "hebbian.normalise=none, hebbian.average=1, hebbian.every=1, hebbian.carries_history=false"
         needs += ", hebbian.control=none"
         raise ConfigError(f"controller {controller.name}: Webots has hebbian=none, or the paper's rule with {needs}")

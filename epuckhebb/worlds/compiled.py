@@ -169,12 +169,7 @@ class Compiled(gymnasium.Env[Floats, Any]):
         horizon, inputs = settings.horizon, network.inputs
         rule: Any = type(controller.rule)
         live = _kernel(
-            self._kind,
-            rule,
-            network,
-            make_schedule(controller.rule),
-            settings.reads_reward,
-            settings.learns_after_move,
+            self._kind, rule, network, make_schedule(controller.rule), settings.reads_reward, settings.learns_after_move
         )
         full, neutral = settings.reward_scale, settings.neutral_fitness
         terms = Terms(controller.numbers, controller.floor, controller.step_s, full, neutral, controller.key)
@@ -318,12 +313,7 @@ def _steps(kind: Any) -> tuple[Any, Any]:
 
 @cache
 def _kernel(
-    kind: Any,
-    rule: type[Rule],
-    network: Network,
-    schedule: Schedule,
-    reads_reward: bool,
-    learns_after: bool,
+    kind: Any, rule: type[Rule], network: Network, schedule: Schedule, reads_reward: bool, learns_after: bool
 ) -> Any:
     """A lifetime in an environment with a rule and a network, as machine code."""
     parts, first, count = _parts(kind), network.first_output, network.outputs

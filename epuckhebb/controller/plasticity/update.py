@@ -71,14 +71,7 @@ def _filled(network: Network, quantity: int) -> Fill:
     four, single = _FOURS[quantity], _SINGLES[quantity]
 
     def fill_layer(
-        pre: int,
-        post: int,
-        first: int,
-        inputs: int,
-        outputs: int,
-        vectors: int,
-        activation: Floats,
-        room: Floats,
+        pre: int, post: int, first: int, inputs: int, outputs: int, vectors: int, activation: Floats, room: Floats
     ) -> None:
         row = room[quantity]
         for i in range(inputs):
