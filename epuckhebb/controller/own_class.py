@@ -115,7 +115,7 @@ def part_names(package: ModuleType) -> list[str]:
 
 
 def load_class(package: ModuleType, name: str) -> Any:
-    """The class of one of them."""
+    """The class of a part of the program. package: of its kind. name: of its file."""
     module = importlib.import_module(f"{package.__name__}.{name}")
     classes = [member for member in vars(module).values() if isinstance(member, type) and issubclass(member, OwnClass)]
     return next(member for member in classes if member.__module__ == module.__name__)

@@ -234,11 +234,12 @@ def _refuse_foreign(path: Path, command: str | None = None) -> None:
     """Refuse a folder with files that are not of this program, or not of a command, if one is given."""
     begun = (STATUS, PROVENANCE, LOCK, ".hydra", MULTIRUN)  # the first files in a folder of this program
     foreign = [file.name for file in path.iterdir() if file.name not in begun and file.suffix != ".tmp"]
-    with suppress(ConfigError):
-        if foreign and Run(path).provenance["command"] == command:
+    if not foreign:
+        return
+    with suppress(ConfigError):  # without provenance nothing has begun here
+        if Run(path).provenance["command"] == command:
             return
-    if foreign:
-        raise ConfigError(f"{path} holds other files ({min(foreign)}, ...); give a folder that is new or empty")
+    raise ConfigError(f"{path} holds other files ({min(foreign)}, ...); give a folder that is new or empty")
 
 
 def _remove_half_done(path: Path) -> None:

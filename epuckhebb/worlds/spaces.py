@@ -12,6 +12,7 @@
 
 import math
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -196,14 +197,12 @@ def merged(a: Floats, b: Floats) -> Floats:
 
 def _scale(value: Any, count: int) -> Floats:
     """The means and the scales, (2, count)."""
-    try:
+    pair = np.zeros((2, count))
+    with suppress(TypeError, ValueError):  # of what is no array of numbers
         scale = np.asarray(value, np.float64)
-    except (TypeError, ValueError):
-        scale = np.zeros(())
-    is_known, pair = scale.shape in ((), (count,), (2, count)), np.zeros((2, count))
-    if is_known:
-        pair[0 if scale.ndim == 2 else 1 :] = scale
-    if not is_known or not (np.isfinite(pair).all() and (pair[1] > 0).all()):
+        if scale.shape in ((), (count,), (2, count)):
+            pair[0 if scale.ndim == 2 else 1 :] = scale
+    if not (np.isfinite(pair).all() and (pair[1] > 0).all()):  # the scales are still 0 where it is none of these
         needed = f"a number above 0, or {count} of them, or a list of {count} means and one of such numbers"
         raise ValueError(f"environment.scale must be {needed}, or {RUNNING}, or null, got {value}")
     return pair
