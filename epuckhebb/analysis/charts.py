@@ -169,14 +169,8 @@ def _rescue_panel(axes: Axes, table: "pd.DataFrame") -> None:
         ("harmed", "intact", f"{rescue.HARMED} (aim: 0)", "s", 0.15, 58),
     ):
         share, low, high = (table[f"{what}_{end}"].to_numpy(float) for end in ("share", "low", "high"))
-        look: dict[str, Any] = {
-            "color": EFFECT[what],
-            "marker": marker,
-            "linestyle": "",
-            "capsize": 0,
-            "clip_on": False,
-        }
-        axes.errorbar(share, places + shift, xerr=[share - low, high - share], label=text, **look)
+        look: dict[str, Any] = {"color": EFFECT[what], "marker": marker, "linestyle": "", "capsize": 0}
+        axes.errorbar(share, places + shift, xerr=[share - low, high - share], label=text, clip_on=False, **look)
         for y, part, of in zip(places, table[what], table[whole], strict=True):
             annotate_row(axes, f"{part}/{of}", float(y), column, color=EFFECT[what])
     axes.set_yticks(places, [plain(name) for name in names])

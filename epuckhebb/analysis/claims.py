@@ -11,10 +11,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from epuckhebb.analysis.findings import PAPER_N, outcomes, ratio, solved_in_training
+from epuckhebb.analysis.findings import PAPER_N, outcomes, ratio
 from epuckhebb.analysis.statistics import bootstrap, bounds, mean, wilson_by_champion
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.tmaze.individual import CONTROLS, GA, HEBBIAN
+from epuckhebb.tmaze.scenario import TRAINED
 
 _SHUFFLED = CONTROLS[Sign.shuffled]
 RULE = (
@@ -187,9 +188,9 @@ def showcase(each: pd.DataFrame, published: pd.DataFrame, experiment: str) -> tu
     ours = ours[ours.controller.isin([GA, HEBBIAN])]
     cell = ["scenario", "controller", "side"]
     paper = published[published.experiment == experiment].set_index(cell).success.dropna().astype(bool)
-    solved = solved_in_training(each, experiment)
+    solved = outcomes(each, experiment, TRAINED[experiment], GA, 0.0)
     names = list(dict.fromkeys(ours.genome))
-    solves = [name for name in names if all((name, side) in solved for side in ("left", "right"))]
+    solves = [name for name in names if all(solved.get((name, side), False) for side in ("left", "right"))]
     agreement = {
         str(name): int((rows.set_index(cell).succeeds.reindex(paper.index) == paper).sum())
         for name, rows in ours.groupby("genome", sort=False)

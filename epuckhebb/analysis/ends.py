@@ -199,16 +199,7 @@ def _experiment_table(experiment: str, table: pd.DataFrame) -> Table:
     """The ends of all trials of an experiment to read: a row for each world and controller."""
     settings = table.columns[: table.columns.get_loc("among")].difference(_CELL, sort=False)
     shown = [name for name in settings if table[name].nunique() > 1]
-    headings = [
-        *map(plain, shown),
-        "scenario",
-        "controller",
-        "trials",
-        "right end",
-        "wrong end",
-        "elsewhere",
-        "arrived",
-    ]
+    head = [*map(plain, shown), "scenario", "controller", "trials", "right end", "wrong end", "elsewhere", "arrived"]
     rows = [
         [
             *(cell(value) for value in values),
@@ -220,4 +211,4 @@ def _experiment_table(experiment: str, table: pd.DataFrame) -> Table:
         for values, row in zip(table[shown].itertuples(index=False), table.itertuples(), strict=True)
     ]
     title = f"Ends of the {experiment} experiment (right less wrong: of a champion, 95 % interval over champions)"
-    return Table([*headings, "right less wrong"], rows, title, text=len(shown) + 2)
+    return Table([*head, "right less wrong"], rows, title, text=len(shown) + 2)

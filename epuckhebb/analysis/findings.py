@@ -169,12 +169,6 @@ def outcomes(
     return each[in_world & (each.controller == controller) & (rate == each.N)].set_index(TRIAL)[column]
 
 
-def solved_in_training(each: pd.DataFrame, experiment: str) -> pd.Index:
-    """The trials that the GA solves in its training world."""
-    alone = outcomes(each, experiment, TRAINED[experiment], GA, 0.0)
-    return alone[alone].index
-
-
 def ratio(k: int, n: int) -> float:
     """A share; nan of nothing."""
     return k / n if n else float("nan")

@@ -29,12 +29,8 @@ def trial(repeats: int) -> str:
 
 def picture(kind: str) -> list[str]:
     """The line of a page with its picture; none for a PDF, which no page shows."""
-    file = f"figures/rescue_and_harm.{kind}"
-    return (
-        []
-        if kind in ("pdf", "none")
-        else [f'<img src="{file}" alt="Rescue and harm of each plasticity, with intervals">\n']
-    )
+    line = f'<img src="figures/rescue_and_harm.{kind}" alt="Rescue and harm of each plasticity, with intervals">\n'
+    return [] if kind in ("pdf", "none") else [line]
 
 
 def label(controller: str, rate: float) -> str:

@@ -1,7 +1,6 @@
 """Reads run folders: provenance, status, tables, and whether every file is as the run wrote it."""
 
 import io
-from collections.abc import Mapping
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
@@ -125,11 +124,6 @@ def _json(file: Path) -> dict[str, Any]:
     return {}
 
 
-def _last_time(status: Mapping[str, Any]) -> str:
-    """The time at which a run ended, or else began."""
-    return str(status.get("finished", status.get("started", "")))
-
-
 def list_runs() -> list[Path]:
     """All folders below `runs/` in which this program has worked, the one that ended, or else began, last at the end.
 
@@ -137,7 +131,8 @@ def list_runs() -> list[Path]:
     """
     files = [file for pattern in ("*/*", "*/*_multirun/*") for file in Path("runs").glob(f"{pattern}/{STATUS}")]
     statuses = {file.parent: _json(file) for file in files}  # the times of files change when they are copied
-    return sorted(statuses, key=lambda run: (_last_time(statuses[run]), run))
+    times = {run: str(status.get("finished", status.get("started", ""))) for run, status in statuses.items()}
+    return sorted(times, key=lambda run: (times[run], run))
 
 
 def multirun_runs(path: Path) -> list[Path]:
