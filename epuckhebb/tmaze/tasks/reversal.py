@@ -102,7 +102,7 @@ class Reversal(Task):
             object.__setattr__(self, "last_switch", min(_LAST_SWITCH, self.trials))
         check_value("task.last_switch", self.last_switch, Range(2, self.trials))
         check_value("task.first_switch", self.first_switch, Range(2, self._last))
-        if not _ways(self._window, self.switches):
+        if not _ways(self._window, self.switches):  # so many do not fit
             most = (self._window + 1) // 2
             raise ValueError(
                 f"task.switches must be at most {most}, as many as fit from task.first_switch={self.first_switch} to "
