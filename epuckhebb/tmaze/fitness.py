@@ -22,7 +22,7 @@ from epuckhebb.tmaze.robot import STEP_S
 
 
 class Signal(StrEnum):
-    """Which live fitness F scales plasticity; see `live_fitness`. A kernel has its number, from 0."""
+    """Which live fitness F scales plasticity, by its name in the configuration. A kernel has its number, from 0."""
 
     behaviour = "behaviour"
     final = "final"
@@ -118,8 +118,8 @@ def live_fitness(
 
     behaviour: this step's combined fitness (the paper as written). final: its mean with the goal reward at this
     distance [m]. lifetime_mean: running mean of combined fitness without the junction term, over the steps of this
-    trial, after a history. light_code: see there. fitness: the value of the step by the user's own fitness, which the
-    lifetime puts in place of the result.
+    trial, after a history. light_code: that of the published program. fitness: the value of the step by the user's own
+    fitness, which the lifetime puts in place of the result.
     """
     signal, history = setup.signal, setup.history
     if signal == _FINAL:

@@ -109,7 +109,7 @@ class Maze:
                 raise ValueError(f"maze.niches[{number}] must run along x or y between two walls, the lower one first")
 
     def __hash__(self) -> int:
-        """Mazes are compared by what they hold."""
+        """A hash of some of what mazes are compared by; mappings have none of their own."""
         return hash((self.name, tuple(self.walls.items()), tuple(self.obstacles.items()), self.start))
 
 

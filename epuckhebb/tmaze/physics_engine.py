@@ -28,7 +28,7 @@ class Space(ABC):
     @property
     @abstractmethod
     def handles(self) -> Any:
-        """What compiled code needs, in the thread that asks: see `Handles`."""
+        """What compiled code needs in the thread that asks: `state`, `walls`, and what the physics adds."""
 
     @abstractmethod
     def place_robot(self, pose: Pose) -> None:
@@ -46,7 +46,7 @@ Move = Callable[[Any, float, float, float, float], None]
 class Physics(OwnClass, ABC):
     """A physics with its settings.
 
-    ray_numbers: of each sensor, see `put_rays`. tilts: how many numbers tell its tilt. ignores: keys of the
+    ray_numbers: how many describe the ray of a sensor. tilts: how many numbers tell its tilt. ignores: keys of the
     configuration that describe a world in three dimensions, and act in no lifetime with this physics.
     """
 
@@ -76,11 +76,11 @@ class Physics(OwnClass, ABC):
         return put_rays
 
     def kernels(self, group: SensorGroup, first: int, radius_m: float) -> Kernels:
-        """The functions of a group of sensors, see `SensorGroup.kernels`."""
+        """The functions of a group of sensors. first: place of its first input. radius_m: of the robot."""
         return group.kernels(first, radius_m)
 
     def record_tilt(self) -> Callable[..., None]:
-        """The function `record(space, tilt, place)` that writes the tilt of the robot into a sample."""
+        """The function `record(space, tilt, sample)` that writes the tilt of the robot into a sample."""
         return nothing
 
     def check(self, world: Any) -> None:  # most worlds can be in any

@@ -98,7 +98,8 @@ class Kernels(NamedTuple):
     """The functions of a group of sensors in a step; first all groups look, then all read.
 
     read(around, rays, scratch, readings): fills the readings. look(around, rays, scratch): slow work, into `scratch`,
-    one number for each sensor. around: `Surroundings`. rays: (6, sensors), see `put_rays`.
+    one number for each sensor. around: `Surroundings`. rays: (6, sensors) x, y [m], the unit
+    vector along which each looks, and 1 over its x and its y.
     """
 
     read: Callable[[Surroundings, Floats, Floats, Floats], None]

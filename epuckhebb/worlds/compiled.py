@@ -47,7 +47,10 @@ class Readings(gymnasium.spaces.Box):
 
 
 class Terms(NamedTuple):
-    """What a lifetime has of its controller and of the settings of its environment, as `World.live` has them."""
+    """What a lifetime has of its controller and of the settings of its environment.
+
+    numbers, floor: of the rule. step_s: of the neurons. full, neutral: of the live fitness. key: of random numbers.
+    """
 
     numbers: tuple[float, ...]
     floor: float

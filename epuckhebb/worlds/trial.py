@@ -85,7 +85,7 @@ def try_world(world: "World") -> Findings:
     must make a difference to what came before it.
 
     Raises:
-        PartError: a step failed, as `World.episode` has it.
+        PartError: the environment, or a function of the user's, failed.
     """
     with _made(world) as env:
         first, second, again = (_seen(world, env, seed) for seed in (0, 1, 0))

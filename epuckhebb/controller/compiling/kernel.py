@@ -126,6 +126,7 @@ class SameTypes:
         self.call: Callable[..., None] = self._first
 
     def _first(self, *arguments: object) -> None:
+        """Call the kernel through numba; from then on its machine code alone, if it has one."""
         self._kernel(*arguments)
         signatures = list(self._kernel.overloads.values())
         if len(signatures) == 1:  # the one that was called

@@ -63,8 +63,8 @@ _update_position = _c_function("cpBodyUpdatePosition", types.intp, types.float64
 class Handles(NamedTuple):
     """What compiled code needs to reach a space: addresses, and the buffers through which it reads and writes.
 
-    state: of each robot x, y [m], heading [rad], velocity x, y [m/s], turn [rad/s]; then see `_CLEAR_FOR`. body, disc:
-    of the first robot.
+    state: of each robot x, y [m], heading [rad], velocity x, y [m/s], turn [rad/s]; at `_CLEAR_FOR`, for how many
+    steps nothing was touched. body, disc: of the first robot.
     """
 
     state: Floats
@@ -192,7 +192,7 @@ def _step(space: Handles) -> None:
 
 @compiled
 def put_back(space: Handles, x: float, y: float, heading: float) -> None:
-    """Put the robot at a place, at rest, without traces of what was before, as `PymunkSpace.place_robot` does."""
+    """Put the robot at a place, at rest, without traces of what was before."""
     state = space.state
     state[_X], state[_Y], state[_HEADING] = x, y, heading
     state[_V_X], state[_V_Y], state[_TURN] = 0.0, 0.0, 0.0
@@ -251,7 +251,7 @@ def mover(robot: Robot) -> Move:
 
 @cache
 def mover_of_all(robot: Robot) -> Callable[[Handles, Floats, Floats], None]:
-    """The function `move_all(space, motion, wheels)`, as `mover` for all robots of a space at once.
+    """The function `move_all(space, motion, wheels)` that moves all robots of a space at once for one step.
 
     motion: (robots, 6), the view of the space's state. wheels: (robots, 4) left and right wheel [rad/s], and where each
     robot looks, cosine and sine. pymunk is called if any robot is near a wall or another robot, or was recently.

@@ -1,1 +1,1 @@
-"""Tasks: what a robot is to do in a lifetime. One file each; see `epuckhebb.tmaze.task`."""
+"""Tasks: what a robot is to do in a lifetime. One file each."""
