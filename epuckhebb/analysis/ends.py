@@ -175,11 +175,8 @@ def tables(
 ) -> dict[str, pd.DataFrame]:
     """All tables of ends by their names, of rows and settings as for `trials`, and draws as for `ends`."""
     each = trials(rows, settings)
-    return {
-        "ends": ends(each, controls),
-        "ends_by_champion": champion_ends(each),
-        "discrimination": discrimination(each),
-    }
+    counts = {"ends": ends(each, controls), "ends_by_champion": champion_ends(each)}
+    return {**counts, "discrimination": discrimination(each)}
 
 
 def markdown(table: pd.DataFrame) -> str:

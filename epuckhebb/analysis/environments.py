@@ -34,15 +34,11 @@ def lifetime_course(names: Sequence[str], lives: Sequence[Lived], horizon: int) 
             alive = [lived for lived in group if len(lived.rewards) > begin]
             if alive:
                 earned = [lived.rewards[begin:end].sum() / (end - begin) for lived in group]
-                low, high = np.percentile(earned, [25, 75])
+                low, high = np.percentile(earned, [25, 75]).tolist()
                 change = float(np.mean([lived.weight_changes[begin:end].mean() for lived in alive]))
                 step = float(np.mean([lived.weight_steps[begin:end].mean() for lived in alive]))
                 row = {"controller": name, "step": int(end), "alive": len(alive) / len(group)}
-                row |= {
-                    "reward": float(np.mean(earned)),
-                    "reward_quartile_1": float(low),
-                    "reward_quartile_3": float(high),
-                }
+                row |= {"reward": float(np.mean(earned)), "reward_quartile_1": low, "reward_quartile_3": high}
                 rows.append(row | {"weight_change": change, "weight_step": step})
     return rows
 

@@ -36,17 +36,8 @@ _OF_STEP = {  # the arguments that `step` may have, and how the kernel has them
 }
 _ARGUMENTS = "tally, state, numbers, left, right, nearest, contact, behaviour, at, readings, time_s"
 OF_OUTCOME = (  # the fields of an outcome that `life`, and `tell` of an optimizer, may name
-    "success",
-    "time_to_goal",
-    "path_length",
-    "final_distance",
-    "behaviour",
-    "reward",
-    "contact_fraction",
-    "weight_change_mean",
-    "steps",
-    "x",
-    "y",
+    *("success", "time_to_goal", "path_length", "final_distance", "behaviour", "reward", "contact_fraction"),
+    *("weight_change_mean", "steps", "x", "y"),
 )
 _OF_LIFE = ("paper", *OF_OUTCOME, "trials", "by")  # the arguments that `life` may have
 _WITH_STEP = ("mean", "state")  # and those that only `step` makes

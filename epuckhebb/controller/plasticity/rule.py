@@ -17,19 +17,9 @@ from epuckhebb.controller.plasticity.control import DRAWS, Control, Sign
 from epuckhebb.controller.ranges import within
 from epuckhebb.controller.wiring import Wiring
 
-QUANTITIES = (
-    "correlation",
-    "pre",
-    "post",
-    "weight",
-    "initial_weight",
-    "fitness",
-    "key",
-    "step",
-    "step_s",
-    "number",
-    "synapse_state",
-    "by",
+QUANTITIES = (  # the arguments that `synapse` may have beside the parameters that are evolved
+    *("correlation", "pre", "post", "weight", "initial_weight", "fitness", "key", "step", "step_s", "number"),
+    *("synapse_state", "by"),
 )
 TAKEN = (*QUANTITIES, "weights")  # names that no evolved parameter may have; `weights` are those of the network
 MODULATOR, REWARD = "modulator", "reward"
