@@ -664,6 +664,49 @@ def test_a_function_makes_an_environment(tmp_path, monkeypatch):
     assert "environment.id" in refused("evolve", "environment=own.py:make", "environment.options={error: 1}")
 
 
+DRAWN = """
+import numpy as np
+from .thermostat import Room
+
+
+class Mute(Room):
+    def __init__(self, gives="nothing"):
+        pass
+
+
+class Drawn(Room):
+    def __init__(self, gives="nothing", render_mode=None):
+        self.gives = gives
+
+    def render(self):
+        return {"nothing": None, "text": "a room", "picture": np.zeros((8, 8, 3), np.uint8)}[self.gives]
+
+
+class Blank(Room):
+    def __init__(self, gives="nothing", **options):
+        pass
+"""
+
+
+def test_a_film_says_what_a_class_lacks(tmp_path, monkeypatch):
+    """A picture is enough: `metadata` need not name its kind."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(EXAMPLE, "thermostat.py")
+    Path("drawn.py").write_text(DRAWN)
+    for name in ("Mute", "Blank", "Drawn"):
+        done("evolve", f"environment=drawn.py:{name}", *ROOM[1:], f"hydra.run.dir={name}")
+    for name, gives in (("Mute", "nothing"), ("Blank", "nothing"), ("Drawn", "nothing"), ("Drawn", "text")):
+        words = [f"genome={name}", f"environment.options={{gives: {gives}}}", "repeats=1", "figures=none"]
+        done("evaluate", *words, f"hydra.run.dir={name}_{gives}")
+        message = refused("replay", f"{name}_{gives}")
+        assert f"drawn.py:{name}" in message
+        assert "render_mode" in message
+        assert not list(Path(f"{name}_{gives}").glob("*.gif"))
+    picture = ["environment.options={gives: picture}", "repeats=1", "figures=none", "hydra.run.dir=tested"]
+    done("evaluate", "genome=Drawn", *picture)
+    done("replay", "tested")
+
+
 @pytest.mark.thorough
 def test_cartpole_is_solved():
     """No plasticity, separable CMA-ES: 500 steps upright."""
@@ -830,6 +873,13 @@ def test_a_champion_of_an_environment_is_refused_elsewhere():
         ["export", "plain", "--webots"],
     ):
         refused(*words)
+    for words in (
+        ["environment=cartpole", "genome=plain"],
+        ["genome=plain"],
+        ["environment=own.py:Own", "genome=plain"],
+    ):
+        assert "environment=" in (message := refused("play", *words, "genome=plain"))
+        assert "duration_s" not in message
     assert call("evolve", "environment=tmaze", "--cfg", "job").stdout == call("evolve", "--cfg", "job").stdout
 
 

@@ -8,7 +8,7 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 
 from epuckhebb.config.catalogue import Composed, hydra_composition
-from epuckhebb.config.overrides import OF_ENVIRONMENT, values_of
+from epuckhebb.config.overrides import OF_ENVIRONMENT, hydra_arguments, values_of
 from epuckhebb.config.resolve import resolve
 from epuckhebb.config.schema import SCHEMAS, Config, Plain, plain, typed, value_as_declared
 from epuckhebb.config.source import search_folders
@@ -20,9 +20,12 @@ _REFERENCE = re.compile(rf"\$\{{[^}}]*\b({'|'.join(_ALONE)})\b")
 
 def load(schema: type[Config], overrides: list[str], config_dir: str | None = None) -> Config:
     """The checked configuration of a command, that of the schema: `conf/`, the user's folder and overrides as typed."""
+    if hydra_arguments(schema.command, overrides)[0] != schema.command:
+        chosen = next(word for word in overrides if word.startswith(("environment=", "experiment=")))
+        shown = "`epuckhebb replay RUN` shows a lifetime of a run of `evaluate`"
+        raise ConfigError(f"{chosen}: an environment is for `epuckhebb evolve`, `evaluate` and `sweep`; {shown}")
     config = load_any(schema.command, overrides, config_dir)
-    if not isinstance(config, schema):
-        raise ConfigError(f"{' '.join(overrides)}: environments are for `epuckhebb evolve`, `evaluate` and `sweep`")
+    assert isinstance(config, schema)
     return config
 
 
