@@ -27,7 +27,7 @@ from epuckhebb.controller.genome import make_plan
 from epuckhebb.controller.plasticity.rule import Normalise, NoRule
 from epuckhebb.controller.plasticity.rules.abcd import ABCD
 from epuckhebb.controller.random import Stream, rng
-from epuckhebb.runs import prepare_evaluation
+from epuckhebb.runs import prepare_evaluation, prepare_evolution
 from epuckhebb.runs.gymnasium import environment_seed, run_lifetimes
 from epuckhebb.runs.world import make_world
 from epuckhebb.runtime import ConfigError
@@ -662,6 +662,24 @@ def test_a_function_makes_an_environment(tmp_path, monkeypatch):
     done("evaluate", "genome=made", "repeats=1", "figures=none", "hydra.run.dir=tested")
     assert "render_mode" in refused("replay", "tested")
     assert "environment.id" in refused("evolve", "environment=own.py:make", "environment.options={error: 1}")
+
+
+def test_what_is_run_beside_the_budget_is_said(tmp_path, monkeypatch):
+    """The Room ends no episode: each lifetime has 40 steps."""
+    monkeypatch.chdir(tmp_path)
+    few = ["optimizer.population=8", "optimizer.generations=2", "optimizer.starts=12", "environment.loops=5"]
+    note = done("evolve", *ROOM[:2], *few, "hydra.run.dir=run").stderr.partition("Budget")[2]
+    assert list(map(int, re.findall(r"\d+", note.partition("\n")[0]))) == [12, 8, 15]
+    assert list(pd.read_csv("run/history.csv").robot_steps) == [40 * 5 * 12, 40 * 5 * 8]
+
+    def added(*words):
+        return re.findall(r"\d+", "".join(prepare_evolution(load_any("evolve", [*words])).added))
+
+    assert added("environment=cartpole", "environment.population=16") == ["50", "16", "12"]
+    assert not added()
+    assert added("hebbian=baldwin") == ["12"]
+    assert not added("optimizer=sep_cma_es")  # chosen to fit the robot-steps of the paper
+    assert added("optimizer=sep_cma_es", "optimizer.generations=9", "start=reference") == ["12"]
 
 
 DRAWN = """
