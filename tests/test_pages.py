@@ -101,6 +101,7 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("clone")
     for name in ("examples", "runs/reference/reversal", "runs/reference/champions"):
         shutil.copytree(ROOT / name, folder / name)
+    shutil.copytree(folder / "examples" / "own_world", folder / "my_world")
     experiments = folder / "my_conf" / "experiment"
     experiments.mkdir(parents=True)
     for name in ("dim", "mine"):
