@@ -3,6 +3,7 @@
 import functools
 import re
 from collections.abc import Iterable, Iterator
+from contextlib import nullcontext
 from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
@@ -12,7 +13,7 @@ from epuckhebb.config.overrides import OF_ENVIRONMENT, hydra_arguments, values_o
 from epuckhebb.config.resolve import resolve
 from epuckhebb.config.schema import SCHEMAS, Config, Plain, plain, typed, value_as_declared
 from epuckhebb.config.source import search_folders
-from epuckhebb.runtime import ConfigError
+from epuckhebb.runtime import ConfigError, working
 
 _ALONE = ("genome", "seed", "repeats", "threads")  # keys on which nothing else in a configuration depends, unless:
 _REFERENCE = re.compile(rf"\$\{{[^}}]*\b({'|'.join(_ALONE)})\b")
@@ -76,12 +77,14 @@ def configurations(
 
     # In an environment, rule and network are those of the genome's evolution.
     keys = [key for key in _ALONE if key != "genome" or OF_ENVIRONMENT not in command]
-    for overrides in jobs:
-        alone = [word for word in overrides if word.partition("=")[0] in keys and "${" not in word]
-        config, refers = shared(tuple(word for word in overrides if word not in alone))
-        if refers:
-            config = shared(tuple(overrides))[0]
-        else:
-            for override in alone:
-                config = {**config, **alone_as_declared(override)}
-        yield list(overrides), config
+    jobs = list(jobs)
+    with working(f"Composing the settings of {len(jobs)} jobs.") if len(jobs) > 1 else nullcontext():
+        for overrides in jobs:
+            alone = [word for word in overrides if word.partition("=")[0] in keys and "${" not in word]
+            config, refers = shared(tuple(word for word in overrides if word not in alone))
+            if refers:
+                config = shared(tuple(overrides))[0]
+            else:
+                for override in alone:
+                    config = {**config, **alone_as_declared(override)}
+            yield list(overrides), config
