@@ -78,7 +78,7 @@ def configurations(
     # In an environment, rule and network are those of the genome's evolution.
     keys = [key for key in _ALONE if key != "genome" or OF_ENVIRONMENT not in command]
     jobs = list(jobs)
-    with working(f"Composing the settings of {len(jobs)} jobs.") if len(jobs) > 1 else nullcontext():
+    with working("Composing the settings of all jobs.") if len(jobs) > 1 else nullcontext():
         for overrides in jobs:
             alone = [word for word in overrides if word.partition("=")[0] in keys and "${" not in word]
             config, refers = shared(tuple(word for word in overrides if word not in alone))
