@@ -135,12 +135,6 @@ def test_the_bar_shows_how_much_is_done(monkeypatch, capsys):
     assert re.fullmatch(r"generation 5/10 \S+ *, best 0\.6  \d\d:\d\d", lines[1])
 
 
-def test_a_bar_is_there_at_once_in_a_log(capsys):
-    be_quiet(False)
-    with bar("generation", 10):
-        assert "generation 0/10" in capsys.readouterr().err
-
-
 def test_each_job_that_ends_has_a_line_in_a_log(capsys):
     ended = iter([[("seed=1", "done"), ("seed=2", "failed")]])
 

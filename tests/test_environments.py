@@ -668,7 +668,9 @@ def test_what_is_run_beside_the_budget_is_said(tmp_path, monkeypatch):
     """The Room ends no episode: each lifetime has 40 steps."""
     monkeypatch.chdir(tmp_path)
     few = ["optimizer.population=8", "optimizer.generations=2", "optimizer.starts=12", "environment.loops=5"]
-    note = done("evolve", *ROOM[:2], *few, "hydra.run.dir=run").stderr.partition("Budget")[2]
+    notes = done("evolve", *ROOM[:2], *few, "hydra.run.dir=run").stderr
+    assert "2 generations" in notes
+    note = notes.partition("Budget")[2]
     assert list(map(int, re.findall(r"\d+", note.partition("\n")[0]))) == [12, 8, 15]
     assert list(pd.read_csv("run/history.csv").robot_steps) == [40 * 5 * 12, 40 * 5 * 8]
 

@@ -4,6 +4,7 @@ The checkpoint alone says how far an evolution is. `history.csv` and `champion.n
 be killed between any two files: resumed, it ends bit-identical.
 """
 
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -270,6 +271,8 @@ def continue_evolution(
         history = run.path / "history.csv"
         if after is not None and not (history.is_file() and history.read_bytes() == after.history.encode()):
             _write_generation(run, after, prepared)  # the run was killed before these files were written
+        if not quiet and not sys.stderr.isatty():  # no bar moves there
+            say(f"Evolving {config.schedule.generations} generations.")
         for generation in prepared.generations(threads, after.generation if after else None, quiet=quiet):
             after = Checkpoint.following(after, generation)
             run.write(CHECKPOINT, after.as_bytes(settings_digest))

@@ -54,10 +54,10 @@ def compiling() -> Iterator[None]:
 
 
 def bar(what: str, total: int, done: int = 0, *, quiet: bool = False) -> "tqdm[Any]":
-    """A bar of so many steps on standard error, which a context manager closes; in a log, at once and each 30 s."""
+    """A bar of so many steps on standard error, which a context manager closes; in a log, one in half a minute."""
     from tqdm import tqdm
 
-    rarely = {} if sys.stderr.isatty() or "ipykernel" in sys.modules else {"mininterval": _LOG_S}
+    rarely = {} if sys.stderr.isatty() or "ipykernel" in sys.modules else {"mininterval": _LOG_S, "delay": _LOG_S}
     hidden = quiet or bool(os.environ.get(_QUIET))
     look = {"bar_format": _LOOK, "disable": hidden, **rarely}
     return tqdm(desc=what, total=total, initial=done, miniters=1, **look)
