@@ -27,7 +27,7 @@ from epuckhebb.controller.genome import make_plan
 from epuckhebb.controller.plasticity.rule import Normalise, NoRule
 from epuckhebb.controller.plasticity.rules.abcd import ABCD
 from epuckhebb.controller.random import Stream, rng
-from epuckhebb.runs import prepare_evaluation
+from epuckhebb.runs import prepare_evaluation, prepare_evolution
 from epuckhebb.runs.gymnasium import environment_seed, run_lifetimes
 from epuckhebb.runs.world import make_world
 from epuckhebb.runtime import ConfigError
@@ -664,6 +664,69 @@ def test_a_function_makes_an_environment(tmp_path, monkeypatch):
     assert "environment.id" in refused("evolve", "environment=own.py:make", "environment.options={error: 1}")
 
 
+def test_what_is_run_beside_the_budget_is_said(tmp_path, monkeypatch):
+    """The Room ends no episode: each lifetime has 40 steps."""
+    monkeypatch.chdir(tmp_path)
+    few = ["optimizer.population=8", "optimizer.generations=2", "optimizer.starts=12", "environment.loops=5"]
+    notes = done("evolve", *ROOM[:2], *few, "hydra.run.dir=run").stderr
+    assert "2 generations" in notes
+    note = notes.partition("Budget")[2]
+    assert list(map(int, re.findall(r"\d+", note.partition("\n")[0]))) == [12, 8, 15]
+    assert list(pd.read_csv("run/history.csv").robot_steps) == [40 * 5 * 12, 40 * 5 * 8]
+
+    def added(*words):
+        return re.findall(r"\d+", "".join(prepare_evolution(load_any("evolve", [*words])).added))
+
+    assert added("environment=cartpole", "environment.population=16") == ["50", "16", "12"]
+    assert not added()
+    assert added("hebbian=baldwin") == ["12"]
+    assert not added("optimizer=sep_cma_es")  # chosen to fit the robot-steps of the paper
+    assert added("optimizer=sep_cma_es", "optimizer.generations=9", "start=reference") == ["12"]
+
+
+DRAWN = """
+import numpy as np
+from .thermostat import Room
+
+
+class Mute(Room):
+    def __init__(self, gives="nothing"):
+        pass
+
+
+class Drawn(Room):
+    def __init__(self, gives="nothing", render_mode=None):
+        self.gives = gives
+
+    def render(self):
+        return {"nothing": None, "text": "a room", "picture": np.zeros((8, 8, 3), np.uint8)}[self.gives]
+
+
+class Blank(Room):
+    def __init__(self, gives="nothing", **options):
+        pass
+"""
+
+
+def test_a_film_says_what_a_class_lacks(tmp_path, monkeypatch):
+    """A picture is enough: `metadata` need not name its kind."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(EXAMPLE, "thermostat.py")
+    Path("drawn.py").write_text(DRAWN)
+    for name in ("Mute", "Blank", "Drawn"):
+        done("evolve", f"environment=drawn.py:{name}", *ROOM[1:], f"hydra.run.dir={name}")
+    for name, gives in (("Mute", "nothing"), ("Blank", "nothing"), ("Drawn", "nothing"), ("Drawn", "text")):
+        words = [f"genome={name}", f"environment.options={{gives: {gives}}}", "repeats=1", "figures=none"]
+        done("evaluate", *words, f"hydra.run.dir={name}_{gives}")
+        message = refused("replay", f"{name}_{gives}")
+        assert f"drawn.py:{name}" in message
+        assert "render_mode" in message
+        assert not list(Path(f"{name}_{gives}").glob("*.gif"))
+    picture = ["environment.options={gives: picture}", "repeats=1", "figures=none", "hydra.run.dir=tested"]
+    done("evaluate", "genome=Drawn", *picture)
+    done("replay", "tested")
+
+
 @pytest.mark.thorough
 def test_cartpole_is_solved():
     """No plasticity, separable CMA-ES: 500 steps upright."""
@@ -830,6 +893,13 @@ def test_a_champion_of_an_environment_is_refused_elsewhere():
         ["export", "plain", "--webots"],
     ):
         refused(*words)
+    for words in (
+        ["environment=cartpole", "genome=plain"],
+        ["genome=plain"],
+        ["environment=own.py:Own", "genome=plain"],
+    ):
+        assert "environment=" in (message := refused("play", *words, "genome=plain"))
+        assert "duration_s" not in message
     assert call("evolve", "environment=tmaze", "--cfg", "job").stdout == call("evolve", "--cfg", "job").stdout
 
 

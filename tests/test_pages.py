@@ -101,6 +101,8 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("clone")
     for name in ("examples", "runs/reference/reversal", "runs/reference/champions"):
         shutil.copytree(ROOT / name, folder / name)
+    for example, copy in (("own_world", "my_world"), ("rules_by_seeds", "my_study")):
+        shutil.copytree(folder / "examples" / example, folder / copy)
     experiments = folder / "my_conf" / "experiment"
     experiments.mkdir(parents=True)
     for name in ("dim", "mine"):

@@ -201,6 +201,15 @@ evaluate genome=latest                                  | epuckhebb evolve
 evaluate genome='~nosuchuser/x'                         | ~nosuchuser
 evaluate hebbian.rule='~nosuchuser/x.py:Rule'           | ~nosuchuser
 evolve resume=~nosuchuser/x                             | ~nosuchuser
+evaluate resume=x                                       | resume=x | epuckhebb evolve resume=RUN | hydra.sweep.dir
+evaluate -m resume=x seed=1,2                           | resume=x
+evaluate environment=cartpole resume=x                  | resume=x
+play resume=x                                           | resume=x
+sweep light resume=x                                    | resume=x
+sweep my_studies.py:Mine resume=x                       | resume=x
+leaderboard obstacles resume=x                          | resume=x
+reproduce resume=x                                      | resume=x
+flock resume=x                                          | resume=x
 reproduce genome=layers.npz                             | layers.npz
 replay latest                                           | epuckhebb evaluate
 rerun latest                                            | epuckhebb ev

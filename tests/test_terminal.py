@@ -40,6 +40,12 @@ def test_in_80_columns_figures_stay_whole_and_end_at_the_right():
     assert second.index("99.5") + 4 == first.index("101.25") + 6
 
 
+def test_a_broken_heading_takes_no_room_from_an_interval():
+    headings = ("controller", "return", "before", "after", "recovery (steps)", "weight change")
+    row = ("without plasticity", "202 [199, 205]", "103 [99, 107]", "99.0 [95.0, 103.2]", "–", "0")
+    assert "99.0 [95.0, 103.2]" in printed(80, [row], headings, text=1)
+
+
 def test_a_long_text_breaks_between_words_and_its_figures_do_not():
     rows = [(n, "to do", f"scenario=highlight_{'x' * 20} " * 4) for n in range(3)]
     lines = printed(80, rows, ("job", "", "what"), text=3).splitlines()

@@ -142,7 +142,7 @@ def evolve(overrides: Overrides = None, *, options: RunOptions) -> None:
     from epuckhebb.runtime import user_path
     from epuckhebb.store import MULTIRUN
 
-    words = resolve_genomes(overrides)
+    words = resolve_genomes(overrides, resumes=True)
     if any(word.startswith("resume=") for word in words):
         if options.multirun or options.cfg or options.config_dir:
             raise ConfigError("resume=RUN goes on with the settings of RUN: no -m, --cfg or --config-dir with it")

@@ -74,14 +74,17 @@ def print_table(
     widths = [max(cell_len(heading), cell) for heading, cell in zip(headings, cells, strict=True)]
     if sum(width + _GAP for width in widths) > console.width:
         widths = [max(_HEADING, cell) for cell in cells]
-    whole = console.width - sum(width + _GAP for width in widths[text:]) >= text * _LEAST
+    lines = [
+        textwrap.wrap(heading, width, break_long_words=False) for heading, width in zip(headings, widths, strict=True)
+    ]
+    figures = [max(cell, *map(cell_len, broken), 0) for cell, broken in zip(cells[text:], lines[text:], strict=True)]
+    whole = console.width - sum(width + _GAP for width in figures) >= text * _LEAST
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))
     for number, heading in enumerate(headings):
         if number < text:
             table.add_column(Text(heading), overflow="fold")
         else:
-            lines = textwrap.wrap(heading, widths[number], break_long_words=False)
-            table.add_column(Text("\n".join(lines)), justify="right", no_wrap=whole, overflow="fold")
+            table.add_column(Text("\n".join(lines[number])), justify="right", no_wrap=whole, overflow="fold")
     for row in written:
         table.add_row(*map(Text, row))
     if title:

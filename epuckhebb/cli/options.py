@@ -14,7 +14,7 @@ from rich.console import Console
 from typer.core import TyperCommand
 
 from epuckhebb.cli.console import Terminal, json_text, report_errors
-from epuckhebb.runtime import LATEST, be_quiet, refusing, working
+from epuckhebb.runtime import LATEST, ConfigError, be_quiet, refusing, working
 
 
 class Command(TyperCommand):
@@ -141,6 +141,12 @@ def takes_options(command: Callable[..., None]) -> Callable[..., None]:
     return called
 
 
+RESUMED = (
+    "`epuckhebb evolve resume=RUN` resumes an evolution, or many; the same command resumes a sweep or a study, and a "
+    "multirun of `evaluate` with hydra.sweep.dir=FOLDER; `epuckhebb rerun RUN` repeats a run"
+)
+
+
 def split_experiment(words: list[str] | None, default: str) -> tuple[str, list[str]]:
     """The experiment that stands before the overrides, or the default; and the overrides, champions named."""
     overrides = resolve_genomes(words)
@@ -149,10 +155,10 @@ def split_experiment(words: list[str] | None, default: str) -> tuple[str, list[s
     return default, overrides
 
 
-def resolve_genomes(overrides: list[str] | None) -> list[str]:
+def resolve_genomes(overrides: list[str] | None, *, resumes: bool = False) -> list[str]:
     """Overrides in which the folder of the latest evolution stands in place of `genome=latest` and `resume=latest`.
 
-    A run then notes which evolution it used, whatever evolves later.
+    A run then notes which evolution it used, whatever evolves later. resumes: whether the command has a key `resume`.
     """
     from epuckhebb.config import quoted, readable
     from epuckhebb.store import resolve_run
@@ -160,6 +166,8 @@ def resolve_genomes(overrides: list[str] | None) -> list[str]:
     words = readable(overrides or [])
     for place, word in enumerate(words):
         key, _, value = word.partition("=")
+        if key == "resume" and not resumes:
+            raise ConfigError(f"{word}: {RESUMED}")
         if key in ("genome", "start", "resume") and LATEST in (choices := value.split(",")):
             folder = str(resolve_run(LATEST, "evolve"))
             path = folder if key == "resume" else quoted(folder)

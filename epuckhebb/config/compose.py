@@ -3,16 +3,17 @@
 import functools
 import re
 from collections.abc import Iterable, Iterator
+from contextlib import nullcontext
 from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
 from epuckhebb.config.catalogue import Composed, hydra_composition
-from epuckhebb.config.overrides import OF_ENVIRONMENT, values_of
+from epuckhebb.config.overrides import OF_ENVIRONMENT, hydra_arguments, values_of
 from epuckhebb.config.resolve import resolve
 from epuckhebb.config.schema import SCHEMAS, Config, Plain, plain, typed, value_as_declared
 from epuckhebb.config.source import search_folders
-from epuckhebb.runtime import ConfigError
+from epuckhebb.runtime import ConfigError, working
 
 _ALONE = ("genome", "seed", "repeats", "threads")  # keys on which nothing else in a configuration depends, unless:
 _REFERENCE = re.compile(rf"\$\{{[^}}]*\b({'|'.join(_ALONE)})\b")
@@ -20,9 +21,12 @@ _REFERENCE = re.compile(rf"\$\{{[^}}]*\b({'|'.join(_ALONE)})\b")
 
 def load(schema: type[Config], overrides: list[str], config_dir: str | None = None) -> Config:
     """The checked configuration of a command, that of the schema: `conf/`, the user's folder and overrides as typed."""
+    if hydra_arguments(schema.command, overrides)[0] != schema.command:
+        chosen = next(word for word in overrides if word.startswith(("environment=", "experiment=")))
+        shown = "`epuckhebb replay RUN` shows a lifetime of a run of `evaluate`"
+        raise ConfigError(f"{chosen}: an environment is for `epuckhebb evolve`, `evaluate` and `sweep`; {shown}")
     config = load_any(schema.command, overrides, config_dir)
-    if not isinstance(config, schema):
-        raise ConfigError(f"{' '.join(overrides)}: environments are for `epuckhebb evolve`, `evaluate` and `sweep`")
+    assert isinstance(config, schema)
     return config
 
 
@@ -73,12 +77,14 @@ def configurations(
 
     # In an environment, rule and network are those of the genome's evolution.
     keys = [key for key in _ALONE if key != "genome" or OF_ENVIRONMENT not in command]
-    for overrides in jobs:
-        alone = [word for word in overrides if word.partition("=")[0] in keys and "${" not in word]
-        config, refers = shared(tuple(word for word in overrides if word not in alone))
-        if refers:
-            config = shared(tuple(overrides))[0]
-        else:
-            for override in alone:
-                config = {**config, **alone_as_declared(override)}
-        yield list(overrides), config
+    jobs = list(jobs)
+    with working("Composing the settings of all jobs.") if len(jobs) > 1 else nullcontext():
+        for overrides in jobs:
+            alone = [word for word in overrides if word.partition("=")[0] in keys and "${" not in word]
+            config, refers = shared(tuple(word for word in overrides if word not in alone))
+            if refers:
+                config = shared(tuple(overrides))[0]
+            else:
+                for override in alone:
+                    config = {**config, **alone_as_declared(override)}
+            yield list(overrides), config

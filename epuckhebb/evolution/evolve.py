@@ -129,7 +129,7 @@ def evolve(
         if number == generations - 1 and (optimizer.confirm or len(candidates) > 1):
             # Generation numbers after the last give fresh noise. These steps are in no row of the history: a row must
             # not depend on whether it is the last.
-            rounds = -(-max(optimizer.confirm, CONFIRM * learns) // evaluator.lifetimes)
+            rounds = confirmation(optimizer, rule, evaluator.lifetimes) // evaluator.lifetimes
             fresh = [evaluator.evaluate(candidates, generations + k, (), past)[0] for k in range(rounds)]
             confirmed = np.mean(fresh, axis=0)
             champion, champion_fitness = candidates[np.argmax(confirmed)], float(confirmed.max())
@@ -145,6 +145,12 @@ def evolve(
             remeasured=remeasured,
             moments=moments,
         )
+
+
+def confirmation(optimizer: Algorithm, rule: Rule, lifetimes: int) -> int:
+    """How many fresh lifetimes each candidate for the champion runs at the end: whole rounds of so many lifetimes."""
+    least = optimizer.confirm if isinstance(rule, NoRule) else max(optimizer.confirm, CONFIRM)
+    return -(-least // lifetimes) * lifetimes
 
 
 def complete_genomes(evolved: Floats, network: Network, rule: Rule, network_genes: Floats | None) -> Floats:

@@ -4,6 +4,7 @@ The checkpoint alone says how far an evolution is. `history.csv` and `champion.n
 be killed between any two files: resumed, it ends bit-identical.
 """
 
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -27,7 +28,7 @@ from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import class_name
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.plasticity.rule import NoRule
-from epuckhebb.evolution.evolve import Generation, complete_genomes, evolve, training_signs
+from epuckhebb.evolution.evolve import Generation, complete_genomes, confirmation, evolve, training_signs
 from epuckhebb.evolution.optimizer import limits
 from epuckhebb.evolution.search import Results, Search, check_start
 from epuckhebb.runs import hydra
@@ -59,7 +60,7 @@ def evolve_job(job: hydra.Job) -> None:
     prepared = prepare_evolution(job.config)
     notes = prepared.world.notes()
     prepared.compile()
-    for note in notes if not job.in_multirun else ():
+    for note in (*notes, *prepared.added) if not job.in_multirun else ():
         say(note)
     facts = {**({"notes": notes} if notes else {}), **job.facts}
     evolve_into(
@@ -91,6 +92,19 @@ class PreparedEvolution:
     def start_text(self) -> str:
         """What the champion's file says of its start."""
         return f"{self.start[0].name} (SHA-256 {self.start[0].sha256})" if self.start else ""
+
+    @property
+    def added(self) -> list[str]:
+        """What is run beside generations of a population, in a line; none where these are chosen to fit a budget."""
+        algorithm, first = self.config.algorithm, self.config.algorithm.first_generation
+        if algorithm.generations is None:
+            return []
+        parts = []
+        if first != algorithm.population and self.start is None:
+            parts.append(f"{first} individuals in the first generation, {algorithm.population} in the others")
+        if more := confirmation(algorithm, self.config.rule, self.world.evaluator(self.network, 1).lifetimes):
+            parts.append(f"at the end {more} fresh lifetimes of each candidate for the champion")
+        return [f"Budget: {'; '.join(parts)}."] if parts else []
 
     def search(self, log: Sequence[Results] = ()) -> Search:
         """The search of the optimizer, after the generations that are logged."""
@@ -257,6 +271,8 @@ def continue_evolution(
         history = run.path / "history.csv"
         if after is not None and not (history.is_file() and history.read_bytes() == after.history.encode()):
             _write_generation(run, after, prepared)  # the run was killed before these files were written
+        if not quiet and not sys.stderr.isatty():  # no bar moves there
+            say(f"Evolving {config.schedule.generations} generations.")
         for generation in prepared.generations(threads, after.generation if after else None, quiet=quiet):
             after = Checkpoint.following(after, generation)
             run.write(CHECKPOINT, after.as_bytes(settings_digest))
@@ -316,7 +332,8 @@ def resume(arguments: list[str], report: Report = unreported) -> Path:
     run = Run(path)
     facts = run.provenance
     if facts["command"] != "evolve":
-        raise ConfigError(f"resume={path} is a run of `epuckhebb {facts['command']}`; only evolutions can be resumed")
+        how = "only evolutions can be resumed; a study goes on with the same command"
+        raise ConfigError(f"resume={path} is a run of `epuckhebb {facts['command']}`; {how}")
     values = settings(path / CONFIG)  # the checkpoint knows whether it fits
     schema = find_schema("evolve", values)
     before = make_config(values, schema, str(path / CONFIG))

@@ -6,6 +6,7 @@ are bit-identical with any number of processes.
 
 import copy
 import functools
+import inspect
 import io
 import itertools
 import json
@@ -15,6 +16,7 @@ import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,6 +25,7 @@ from epuckhebb.analysis.tables import Rows, plain
 from epuckhebb.config import EnvironmentConfig, loaders
 from epuckhebb.controller import random
 from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.compiling.errors import PartError
 from epuckhebb.controller.genome import make_plan
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.control import Sign, signs, signs_of_draw
@@ -123,6 +126,34 @@ class _Evaluator(Evaluator):
             past = np.zeros_like(read[0]) if moments is None else moments
             told = {MOMENTS: np.array([past, functools.reduce(merged, read, past)])}
         return fitness, np.full(len(fitness), np.nan), told, steps
+
+
+def _picture(env: Any) -> Any:
+    """What an environment draws of itself; a PartError if it is no picture."""
+    try:
+        picture = env.render()
+    except NotImplementedError as error:
+        raise PartError(str(error) or "it has no `render`") from error
+    if not isinstance(picture, np.ndarray) or picture.ndim != 3 or picture.dtype != np.uint8:
+        kind = f"numbers of {picture.dtype}, {picture.shape}" if isinstance(picture, np.ndarray) else type(picture)
+        raise PartError(f"its `render` gave {getattr(kind, '__name__', kind)}, and no picture")
+    return picture
+
+
+def _not_drawn(world: Any, error: Exception) -> str:
+    """Why an environment cannot be drawn, and what a film needs of it."""
+    place = world.settings.id
+    if ".py:" not in place:
+        hint = "MuJoCo without a screen needs MUJOCO_GL=osmesa or egl"
+        return f"environment={world.name} cannot be drawn: {error}; {hint}"
+    options = inspect.signature(world.make.entry).parameters
+    takes = "render_mode" in options or any(option.kind is option.VAR_KEYWORD for option in options.values())
+    why = error if takes else "it takes no render_mode"
+    return (
+        f"{Path(place).name} cannot be drawn: {why}; a film needs a class that takes render_mode='rgb_array', and "
+        "whose `render` (of a `Compiled`, its `picture`) gives a picture: (height, width, 3), of uint8. A run has a "
+        "copy of the file: mend yours, and evaluate again"
+    )
 
 
 @dataclass(frozen=True)
@@ -301,15 +332,10 @@ class Gymnasium(World):
 
         def watch(env: Any) -> None:
             if begin <= (now := next(step)) < begin + _FRAMES:
-                frame = Image.fromarray(env.render()).reduce(2)
+                frame = Image.fromarray(_picture(env)).reduce(2)
                 frames.append(ImageOps.expand(frame, 4, "white" if now < change else _CHANGED))
 
-        what = f"environment={config.world.name} cannot be drawn here"
-        hint = (
-            "it must take render_mode='rgb_array', and its `render` give a picture; MuJoCo without a screen needs "
-            "MUJOCO_GL=osmesa or egl"
-        )
-        with refusing(lambda error: f"{what}: {error}; {hint}", Exception):  # a library may raise anything
+        with refusing(lambda error: _not_drawn(config.world, error), Exception):  # a library may raise anything
             config.world.live(setup.controller(work), work.seeds[0], watch=watch)
         buffer = io.BytesIO()
         frames[0].save(buffer, "GIF", save_all=True, append_images=frames[1:], duration=_FRAME_MS, loop=0)

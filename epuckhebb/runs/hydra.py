@@ -228,7 +228,8 @@ def call_of_multirun(folder: Path, changes: Sequence[str]) -> Call:
     """The call that made the folder of a multirun of evolutions. changes: overrides that replace some of its own."""
     values = settings(folder / MULTIRUN)["hydra"]
     if not str(values["job"]["config_name"]).startswith("evolve"):
-        raise ConfigError(f"{folder} is a multirun of `epuckhebb evaluate`; only evolutions can be resumed")
+        again = f"the same command with {SWEEP_DIR}{folder} resumes it"
+        raise ConfigError(f"resume={folder} is a multirun of `epuckhebb evaluate`; {again}")
     sources = values["runtime"]["config_sources"]
     config_dir = next((source["path"] for source in sources if source["provider"] == USERS and source["path"]), None)
     its = (*values["overrides"]["task"], *values["overrides"]["hydra"])
