@@ -10,8 +10,9 @@ from omegaconf import DictConfig, OmegaConf
 from epuckhebb.config.catalogue import Composed, hydra_composition
 from epuckhebb.config.overrides import OF_ENVIRONMENT, values_of
 from epuckhebb.config.resolve import resolve
-from epuckhebb.config.schema import SCHEMAS, Config, Plain, plain, typed, value_as_declared
+from epuckhebb.config.schema import SCHEMAS, Config, plain, typed
 from epuckhebb.config.source import search_folders
+from epuckhebb.config.values import Plain, converted, declared, kinds_of
 from epuckhebb.runtime import ConfigError
 
 _ALONE = ("genome", "seed", "repeats", "threads")  # keys on which nothing else in a configuration depends, unless:
@@ -63,13 +64,15 @@ def configurations(
     def shared(words: tuple[str, ...]) -> tuple[Plain, bool]:
         """A configuration, and whether something in it refers to a genome, a seed or the like."""
         cfg = composed(command, [*fixed, *words], config_dir)
-        return plain(cfg), bool(_REFERENCE.search(str(OmegaConf.to_container(cfg, resolve=False))))
+        return declared(SCHEMAS[command], plain(cfg)), bool(
+            _REFERENCE.search(str(OmegaConf.to_container(cfg, resolve=False)))
+        )
 
     @functools.cache
     def alone_as_declared(override: str) -> Plain:
         """A key and its value, of the type that the schema declares."""
         ((key, value),) = values_of([override]).items()
-        return {key: value_as_declared(key, value, command)}
+        return {key: converted(key, value, kinds_of(SCHEMAS[command])[key])}
 
     # In an environment, rule and network are those of the genome's evolution.
     keys = [key for key in _ALONE if key != "genome" or OF_ENVIRONMENT not in command]
