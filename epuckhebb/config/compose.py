@@ -8,7 +8,7 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 
 from epuckhebb.config.catalogue import Composed, hydra_composition
-from epuckhebb.config.overrides import OF_ENVIRONMENT, values_of
+from epuckhebb.config.overrides import OF_ENVIRONMENT, check_words, hydra_arguments, values_of
 from epuckhebb.config.resolve import resolve
 from epuckhebb.config.schema import SCHEMAS, Config, plain, typed
 from epuckhebb.config.source import search_folders
@@ -29,25 +29,33 @@ def load(schema: type[Config], overrides: list[str], config_dir: str | None = No
 
 def load_any(command: str, overrides: list[str], config_dir: str | None = None) -> Any:
     """The checked configuration of `evolve` or `evaluate`, in the maze or in an environment."""
-    found = composed_with_hydra(command, overrides, config_dir)
-    return typed(found.cfg, SCHEMAS[found.command])
+    command, words = _read(command, overrides)
+    return typed(composed_with_hydra(command, words, config_dir).cfg, SCHEMAS[command])
 
 
 def composed(command: str, overrides: list[str], config_dir: str | None = None) -> DictConfig:
     """The configuration that a command would run with these overrides, all names in it."""
-    return composed_with_hydra(command, overrides, config_dir).cfg
+    return composed_with_hydra(*_read(command, overrides), config_dir).cfg
 
 
-def composed_with_hydra(command: str, overrides: list[str], config_dir: str | None) -> Composed:
-    """The configuration that a command would run with these overrides, with what Hydra keeps for itself."""
-    found = hydra_composition(command, overrides, config_dir)
-    resolve(found.command, found.cfg, found.choices, found.words, search_folders(found.hydra.runtime))
+def _read(command: str, overrides: list[str]) -> tuple[str, list[str]]:
+    """The name of a configuration, and its words, which are checked."""
+    name, words = hydra_arguments(command, overrides)
+    if name in SCHEMAS:
+        check_words(name, words)
+    return name, words
+
+
+def composed_with_hydra(command: str, words: list[str], config_dir: str | None) -> Composed:
+    """A configuration, all names in it, with what Hydra keeps for itself. command, words: as of `hydra_arguments`."""
+    found = hydra_composition(command, words, config_dir)
+    resolve(command, found.cfg, found.choices, words, search_folders(found.hydra.runtime))
     return found
 
 
 def swept_values(overrides: list[str], config_dir: str | None = None) -> dict[str, str]:
     """For each key the values that a named sweep of `evaluate` gives it; empty if the overrides name none."""
-    params = hydra_composition("evaluate", overrides, config_dir).hydra.sweeper.params
+    params = hydra_composition(*_read("evaluate", overrides), config_dir).hydra.sweeper.params
     return {str(key): str(values) for key, values in (params or {}).items()}
 
 
