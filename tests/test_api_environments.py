@@ -176,7 +176,7 @@ def test_rules_that_a_function_makes_are_others():
     rules, config = [signed(1.0), signed(-1.0)], load_any("evaluate", ["environment=cartpole"])
     ids = []
     for rule in rules:
-        config.take(rule)
+        config = config.take(rule)
         ids.append(prepare_evaluation(config, make_genome(np.zeros(config.network_made.synapses), config)).lifetime_ids)
     assert ids[0]["signed"] != ids[1]["signed"]
     assert [label for _, label in api._labels("hebbian", rules)] == ["signed, N = 0.1", "signed, N = 0.1 (2)"]
@@ -192,7 +192,7 @@ def test_rules_that_a_function_makes_are_others():
 @pytest.mark.parametrize("command", ["evolve", "evaluate"])
 def test_a_rule_that_is_an_object_is_that_of_its_name(command, words, name, rule, expected):
     typed, made = load_any(command, [*words, f"hebbian={name}", "hebbian.N=0.1"]), load_any(command, words)
-    made.take(rule)
+    made = made.take(rule)
     assert made.rule == typed.rule
     assert made.rule.signal == expected
     assert made.controllers == typed.controllers
@@ -202,7 +202,7 @@ def test_a_rule_that_is_an_object_is_that_of_its_name(command, words, name, rule
 @pytest.mark.parametrize("rule", [ABCD(N=0.05, normalise=Normalise.none, floor=0.2), Oja(N=0.05, floor=0.0)])
 def test_a_default_that_is_given_stays(rule):
     config = load_any("evaluate", ["environment=cartpole"])
-    config.take(rule)
+    config = config.take(rule)
     assert config.rule == replace(rule, signal="reward")
 
 

@@ -100,7 +100,7 @@ def _evaluated(
     if isinstance(genome, str | Path):
         words = inherit_choices([*words, f"genome={quoted(str(resolve_run(genome, 'evolve')))}"], folder)
     config = load_any("evaluate", words, folder)
-    _take(config, rule)
+    config = _take(config, rule)
     given = genome.genome if isinstance(genome, Evolution) else genome
     loaded = None if isinstance(given, str | Path) else make_genome(given, config)
     prepared = prepare_evaluation(config, loaded)
@@ -109,14 +109,14 @@ def _evaluated(
     return Evaluation(metrics=pd.DataFrame(rows), prepared=prepared, recorded=recorded)
 
 
-def _take(config: Any, rule: Rule | None) -> None:
-    """Let the controllers of a run learn by a rule that is an object, if one is given."""
+def _take(config: Any, rule: Rule | None) -> Any:
+    """A configuration whose controllers learn by a rule that is an object, if one is given."""
     if rule is None:
-        return
+        return config
     if rule.N == 0 and not isinstance(rule, NoRule):
         raise ConfigError(f"hebbian={type(rule).__name__}(...) has N = 0; give N, or hebbian='none'")
     with refusing():
-        config.take(rule)
+        return config.take(rule)
 
 
 def evolve(*overrides: str, config_dir: str | Path | None = None, progress: bool = True, **keys: Any) -> Evolution:
@@ -135,7 +135,7 @@ def evolve(*overrides: str, config_dir: str | Path | None = None, progress: bool
     be_quiet(not progress)
     rule = keys.pop("hebbian") if isinstance(keys.get("hebbian"), Rule) else None
     config = load_any("evolve", make_overrides(overrides, keys), _folder(config_dir))
-    _take(config, rule)
+    config = _take(config, rule)
     prepared = prepare_evolution(config)
     prepared.compile()
     threads = thread_count(config.threads)

@@ -45,7 +45,6 @@ from epuckhebb.config.schema import (
     Config,
     EvaluateConfig,
     EvolveConfig,
-    Plain,
     WorldConfig,
     dump,
     find_schema,
@@ -53,5 +52,5 @@ from epuckhebb.config.schema import (
     register,
     typed,
 )
-from epuckhebb.config.values import part_settings
+from epuckhebb.config.values import Plain, part_settings
 from epuckhebb.runtime.yaml_file import load as settings

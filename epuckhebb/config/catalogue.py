@@ -5,7 +5,7 @@ same name.
 """
 
 import functools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,7 +19,6 @@ from hydra.plugins.search_path_plugin import SearchPathPlugin
 from omegaconf import DictConfig, OmegaConf
 
 from epuckhebb.config.errors import explain, wrong_of
-from epuckhebb.config.overrides import check_words, hydra_arguments
 from epuckhebb.config.schema import SCHEMAS, structured
 from epuckhebb.config.source import Choices
 from epuckhebb.runtime import ConfigError, data_folder
@@ -47,41 +46,35 @@ class _SearchPath(SearchPathPlugin):
 
 
 class Composed(NamedTuple):
-    """A configuration as Hydra composes it, what Hydra keeps for itself, and the choice of each group.
+    """A configuration as Hydra composes it, what Hydra keeps for itself, and the choice of each group."""
 
-    command, words: what it is composed of, as of `hydra_arguments`.
-    """
-
-    command: str
-    words: tuple[str, ...]
     cfg: DictConfig
     hydra: DictConfig
     choices: dict[str, str]
 
 
-def hydra_composition(command: str, overrides: list[str], config_dir: str | None = None) -> Composed:
-    """A configuration as Hydra composes it, which may be changed; one without files of the user's is composed once."""
-    name, words = hydra_arguments(command, overrides)
-    if name in SCHEMAS:
-        check_words(name, words)
+def hydra_composition(command: str, words: Sequence[str], config_dir: str | None = None) -> Composed:
+    """A configuration as Hydra composes it, which may be changed; one without files of the user's is composed once.
+
+    command, words: as of `hydra_arguments`.
+    """
     if config_dir is not None or any(SEARCH_PATH in word for word in words):
-        return _composed(name, tuple(words), config_dir)
-    found = _composed_once(name, tuple(words), None)
+        return _composed(command, tuple(words), config_dir)
+    found = _composed_once(command, tuple(words), None)
     return found._replace(cfg=found.cfg.copy())
 
 
 def _composed(command: str, words: tuple[str, ...], config_dir: str | None) -> Composed:
-    overrides = list(words)
     try:
         with catalogue(command, config_dir), initialize_config_dir(str(data_folder("conf")), version_base=VERSION_BASE):
-            cfg = compose(command, overrides, return_hydra_config=True)
+            cfg = compose(command, list(words), return_hydra_config=True)
     except ConfigError:
         raise
     except Exception as error:  # what damaged files may raise has no end
         raise ConfigError(f"{' '.join(wrong_of(words, error))}{': ' if words else ''}{explain(error)}") from error
     OmegaConf.set_struct(cfg, False)
     hydra = cfg.pop("hydra")
-    return Composed(command, words, cfg, hydra, group_choices(hydra.runtime))
+    return Composed(cfg, hydra, group_choices(hydra.runtime))
 
 
 _composed_once = functools.lru_cache(maxsize=32)(_composed)

@@ -9,10 +9,11 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 
 from epuckhebb.config.catalogue import Composed, hydra_composition
-from epuckhebb.config.overrides import OF_ENVIRONMENT, hydra_arguments, values_of
+from epuckhebb.config.overrides import OF_ENVIRONMENT, check_words, hydra_arguments, values_of
 from epuckhebb.config.resolve import resolve
-from epuckhebb.config.schema import SCHEMAS, Config, Plain, plain, typed, value_as_declared
+from epuckhebb.config.schema import SCHEMAS, Config, plain, typed
 from epuckhebb.config.source import search_folders
+from epuckhebb.config.values import Plain, converted, declared, kinds_of
 from epuckhebb.runtime import ConfigError, working
 
 _ALONE = ("genome", "seed", "repeats", "threads")  # keys on which nothing else in a configuration depends, unless:
@@ -32,25 +33,33 @@ def load(schema: type[Config], overrides: list[str], config_dir: str | None = No
 
 def load_any(command: str, overrides: list[str], config_dir: str | None = None) -> Any:
     """The checked configuration of `evolve` or `evaluate`, in the maze or in an environment."""
-    found = composed_with_hydra(command, overrides, config_dir)
-    return typed(found.cfg, SCHEMAS[found.command])
+    command, words = _read(command, overrides)
+    return typed(composed_with_hydra(command, words, config_dir).cfg, SCHEMAS[command])
 
 
 def composed(command: str, overrides: list[str], config_dir: str | None = None) -> DictConfig:
     """The configuration that a command would run with these overrides, all names in it."""
-    return composed_with_hydra(command, overrides, config_dir).cfg
+    return composed_with_hydra(*_read(command, overrides), config_dir).cfg
 
 
-def composed_with_hydra(command: str, overrides: list[str], config_dir: str | None) -> Composed:
-    """The configuration that a command would run with these overrides, with what Hydra keeps for itself."""
-    found = hydra_composition(command, overrides, config_dir)
-    resolve(found.command, found.cfg, found.choices, found.words, search_folders(found.hydra.runtime))
+def _read(command: str, overrides: list[str]) -> tuple[str, list[str]]:
+    """The name of a configuration, and its words, which are checked."""
+    name, words = hydra_arguments(command, overrides)
+    if name in SCHEMAS:
+        check_words(name, words)
+    return name, words
+
+
+def composed_with_hydra(command: str, words: list[str], config_dir: str | None) -> Composed:
+    """A configuration, all names in it, with what Hydra keeps for itself. command, words: as of `hydra_arguments`."""
+    found = hydra_composition(command, words, config_dir)
+    resolve(command, found.cfg, found.choices, words, search_folders(found.hydra.runtime))
     return found
 
 
 def swept_values(overrides: list[str], config_dir: str | None = None) -> dict[str, str]:
     """For each key the values that a named sweep of `evaluate` gives it; empty if the overrides name none."""
-    params = hydra_composition("evaluate", overrides, config_dir).hydra.sweeper.params
+    params = hydra_composition(*_read("evaluate", overrides), config_dir).hydra.sweeper.params
     return {str(key): str(values) for key, values in (params or {}).items()}
 
 
@@ -67,13 +76,15 @@ def configurations(
     def shared(words: tuple[str, ...]) -> tuple[Plain, bool]:
         """A configuration, and whether something in it refers to a genome, a seed or the like."""
         cfg = composed(command, [*fixed, *words], config_dir)
-        return plain(cfg), bool(_REFERENCE.search(str(OmegaConf.to_container(cfg, resolve=False))))
+        return declared(SCHEMAS[command], plain(cfg)), bool(
+            _REFERENCE.search(str(OmegaConf.to_container(cfg, resolve=False)))
+        )
 
     @functools.cache
     def alone_as_declared(override: str) -> Plain:
         """A key and its value, of the type that the schema declares."""
         ((key, value),) = values_of([override]).items()
-        return {key: value_as_declared(key, value, command)}
+        return {key: converted(key, value, kinds_of(SCHEMAS[command])[key])}
 
     # In an environment, rule and network are those of the genome's evolution.
     keys = [key for key in _ALONE if key != "genome" or OF_ENVIRONMENT not in command]

@@ -5,17 +5,18 @@ They have files of their own in `conf/`, so that keys of the maze are none of th
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from inspect import isfunction
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 from omegaconf import DictConfig
 
-from epuckhebb.config import build
 from epuckhebb.config.overrides import ANY, OF_ENVIRONMENT, parsed, value_text
 from epuckhebb.config.parts import NONE, Layers, make_part
 from epuckhebb.config.plugins import class_named, is_own, object_named, place_files
-from epuckhebb.config.schema import Checked, Evaluates, Evolves, Figures, register
+from epuckhebb.config.schema import Evaluates, Evolves, Figures, Learns, register
+from epuckhebb.config.values import NO_KEY
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.control import Control, Sign
 from epuckhebb.controller.plasticity.rule import Acts, NoRule, Rule
@@ -42,41 +43,62 @@ _AS_PAPERS: dict[str, Any] = {
 }  # of ABCD and its kin, as their programs do outside Bullet
 
 
-@dataclass(kw_only=True)
-class EnvironmentConfig(Checked):
-    """The keys that both commands have in common, and the world and the network that come of them."""
+@dataclass(frozen=True, kw_only=True)
+class EnvironmentConfig(Learns):
+    """The keys that both commands have in common, and the world and the network that come of them.
+
+    judge: what evolution maximises; None for the return.
+    """
 
     parallel: ClassVar[str] = "environment.processes"
+    judge: ClassVar[Fitness | None] = None
     seed: int = within(0, default=1)
-    figures: Figures = Figures.png
+    figures: Figures = "png"
     environment: Environment = field(default_factory=Environment)
     network: dict[str, Any] = field(default_factory=dict)
     hebbian: dict[str, Any] = field(default_factory=dict)
+    learns: Rule | None = field(default=None, metadata=NO_KEY)
 
     def __post_init__(self) -> None:
         """Validate the settings."""
         check(self)
-        self.world = make_world(self.environment)
         self.world.check()
-        self.judge: Fitness | None = None
-        self.network_made = _network(self.world, make_part("wiring", self.network, "network"))
-        self.shape = self.network_made.wiring
-        self.rule = build.make_rule(self.hebbian, "hebbian")
-        self.use(self.rule, self.hebbian.get("name"))
+        _ = self.network_made  # made now, so that what cannot be is refused
+        self.check_rule(self.rule)
 
-    def use(self, rule: Rule, called: str | None = None) -> None:
-        """Let controllers learn by a rule. called: its name in tables; that of its class unless given."""
-        self.check_rule(rule)
-        name = WITHOUT if isinstance(rule, NoRule) else called or rule.name.lower()
-        self.rule, self.controllers = rule, [Controller(name=name, rule=rule)]
+    @cached_property
+    def world(self) -> World:
+        """The environment, which makes one when it is used first."""
+        return make_world(self.environment)
 
-    def take(self, rule: Rule) -> None:
-        """Let controllers learn by a rule that was made in Python, as it is.
+    @cached_property
+    def network_made(self) -> Network:
+        """The network between the readings and the outputs."""
+        return _network(self.world, make_part("wiring", self.network, "network"))
+
+    @property
+    def shape(self) -> Wiring | None:
+        """The wiring of the network, if it has one."""
+        return self.network_made.wiring
+
+    @property
+    def main(self) -> Controller:
+        """The controller that learns by the rule."""
+        is_none = isinstance(self.rule, NoRule)
+        return Controller(name=WITHOUT if is_none else self.rule_name or self.rule.name.lower(), rule=self.rule)
+
+    @property
+    def controllers(self) -> list[Controller]:
+        """The controller whose lifetimes run."""
+        return [self.main]
+
+    def take(self, rule: Rule) -> Self:
+        """A copy of this configuration whose controllers learn by a rule that was made in Python, as it is.
 
         Only its signal is the reward, unless it has one: that of its class is of the maze.
         """
         is_left = rule.signal == type(rule).signal
-        self.use(replace(rule, signal=SIGNAL) if is_left else rule)
+        return super().take(replace(rule, signal=SIGNAL) if is_left else rule)
 
     def check_rule(self, rule: Rule) -> None:
         """Refuse a rule with what only the maze has."""
@@ -109,58 +131,59 @@ class EnvironmentConfig(Checked):
 
 
 @register
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class EvolveEnvironment(Evolves, EnvironmentConfig):
-    """All keys of `epuckhebb evolve environment=NAME`.
-
-    judge: what evolution maximises; None for the return.
-    """
+    """All keys of `epuckhebb evolve environment=NAME`."""
 
     command: ClassVar[str] = f"evolve{OF_ENVIRONMENT}"
+    training, lifetime = UNVARIED, Lifetime()  # of the maze: its optimizers count robot-steps in them
     fitness: dict[str, Any] = field(default_factory=lambda: {"function": RETURN})
 
     def __post_init__(self) -> None:
         """Validate the settings."""
         super().__post_init__()
-        if self.fitness != {"function": RETURN}:
-            self.judge = make_part("fitness", self.fitness, "fitness")
+        self.check_search()
+        if self.judge is not None:
             self.judge.check_world(IN_ENVIRONMENT)
 
-    def use(self, rule: Rule, called: str | None = None) -> None:
-        """Let controllers learn by a rule. called: its name in tables; that of its class unless given."""
-        super().use(rule, called)
-        self.plan_search(UNVARIED, Lifetime())
+    @cached_property
+    def judge(self) -> Fitness | None:  # type: ignore[override]  # an evaluation has none
+        """What evolution maximises; None for the return."""
+        return None if self.fitness == {"function": RETURN} else make_part("fitness", self.fitness, "fitness")
 
 
 @register
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class EvaluateEnvironment(Evaluates, EnvironmentConfig):
-    """All keys of `epuckhebb evaluate environment=NAME`.
-
-    controllers: the rule and its controls (without plasticity, with other signs, frozen from the change on), and those
-    of `compare`.
-    """
+    """All keys of `epuckhebb evaluate environment=NAME`."""
 
     command: ClassVar[str] = f"evaluate{OF_ENVIRONMENT}"
 
-    def use(self, rule: Rule, called: str | None = None) -> None:
-        """Let controllers learn by a rule and its controls. called: its name in tables; its class unless given."""
-        super().use(rule, called)
-        (main,) = self.controllers
-        rules = {} if isinstance(self.rule, NoRule) else {WITHOUT: replace(self.rule, N=0.0)}
-        rules[""] = self.rule
-        if len(rules) > 1:
-            rules |= {sign.name: replace(self.rule, sign=sign) for sign in Sign if sign is not self.rule.sign}
-            rules |= {FROZEN: replace(self.rule, acts=Acts.before_change)} if self.environment.changes else {}
-        named = {f"{main.name} ({kind})" if kind else main.name: rule for kind, rule in rules.items()}
-        own = [Controller(name=name, rule=rule) for name, rule in named.items()]
-        self.controllers = self.compared(main, own, _RATE)
-        for controller in self.controllers[len(own) :]:
+    def __post_init__(self) -> None:
+        """Validate the settings."""
+        super().__post_init__()
+        for controller in self.controllers[len(self._controls) :]:
             rule = controller.rule
             self.check_rule(rule)
             if rule.sign is not Sign.shuffled and rule.sign_draw not in (0, self.rule.sign_draw):
                 got = f"got {rule.sign.name}"
                 raise ValueError(f"compare.{controller.name}.sign_draw={rule.sign_draw} needs sign: shuffled, {got}")
+
+    @cached_property
+    def controllers(self) -> list[Controller]:
+        """The rule and its controls, and those of `compare`."""
+        return self.compared(self.main, self._controls, _RATE)
+
+    @property
+    def _controls(self) -> list[Controller]:
+        """The rule without plasticity, itself, with other signs, and frozen from the change on."""
+        rules = {} if isinstance(self.rule, NoRule) else {WITHOUT: replace(self.rule, N=0.0)}
+        rules[""] = self.rule
+        if len(rules) > 1:
+            rules |= {sign.name: replace(self.rule, sign=sign) for sign in Sign if sign is not self.rule.sign}
+            rules |= {FROZEN: replace(self.rule, acts=Acts.before_change)} if self.environment.changes else {}
+        name = self.main.name
+        return [Controller(name=f"{name} ({kind})" if kind else name, rule=rule) for kind, rule in rules.items()]
 
 
 def make_world(settings: Environment) -> World:

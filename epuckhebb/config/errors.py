@@ -10,7 +10,6 @@ from epuckhebb.runtime.yaml_file import error_text
 
 _KEY = "full_key:"  # before the key, on a line of its own
 _NOISE = ("object_type=", "reference_type=", "provider=")  # lines that say nothing to a user
-_AS_TEXT = "it has keys below it; in a file, a choice stands in its defaults, as `- override /scenario: lowlight`"
 _WRONG = re.compile(r"Could not (?:find|load) '([\w/]+)/([^/']+)'|Error merging override [+~]*([^\s=]+)=")
 _EXTRAS = {"submitit": "slurm", "ray": "ray"}  # launcher -> the extra of this package that has it
 
@@ -34,19 +33,12 @@ def explain(error: BaseException) -> str:
     message = " ".join(lines) or type(error).__name__
     if keys and keys[0] not in message:
         message = f"{keys[0]}: {message}"
-    message = re.sub(
-        r"(Error merging override \S+ )?Value '(.+)' of type '\w+' could not be converted to (\w+)", _number, message
-    )
     message = re.sub(r"(In '\S+': )?Could not find '(\w+)/([^']+)' Available options in '\w+': (.*)", _choice, message)
     message = re.sub("Interpolation key '(.+)' not found", r"it refers to \1, which is missing", message)
     message = re.sub(
         "ValueError raised .*HydraConfig was not set", "${hydra:...} acts in hydra.* alone; list the values", message
     )
-    message = re.sub(r"Key 'experiment' not in .*", "its first line must be `# @package _global_`", message)
-    as_text = r"(Merge error: str is not a subclass of \w+Config|Cannot assign str to Dict\[str, Any\]).*"
-    message = re.sub(as_text, _AS_TEXT, message)
-    message = re.sub(r"Key '(\w+)\.(\S+)' not in .*", r"in YAML, \1.\2 is written \1: {\2: ...}", message)
-    message = message.replace("Unexpected type for root: NoneType", "keys of ga are those of optimizer=ga alone")
+    message = re.sub("To append to your config .*", "keys of ga are those of optimizer=ga alone", message)
     launcher = re.search(rf"'hydra/launcher/({'|'.join(_EXTRAS)})(_\w+)?'", message)
     if launcher:
         message = message.removesuffix(".")
@@ -60,11 +52,6 @@ def wrong_of(words: Sequence[str], error: BaseException) -> Sequence[str]:
         return words
     key, value = found[1] or found[3], found[2] or ""
     return [word for word in words if word.lstrip("+~").partition("=")[0] == key and value in word] or words
-
-
-def _number(found: re.Match[str]) -> str:
-    kind = "a whole number" if found[3] == "Integer" else "a number"
-    return f"must be {kind}, got {found[2]}; for several, add -m: 1,2,5 or range(1,6)"
 
 
 def _choice(found: re.Match[str]) -> str:

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from pathlib import Path
-from typing import Any
+from typing import Any, get_origin
 
 import numpy as np
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -20,7 +20,8 @@ from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.adaptation.adaptation import NONE, Adaptation
 from epuckhebb.config.plugins import object_text
-from epuckhebb.config.schema import OPEN, SCHEMAS, literal
+from epuckhebb.config.schema import SCHEMAS, literal
+from epuckhebb.config.values import kinds_of, without_none
 from epuckhebb.controller.own_class import OwnClass
 from epuckhebb.runtime import ConfigError, conf, data_folder, did_you_mean
 from epuckhebb.runtime.yaml_file import check_keys, check_numbers
@@ -100,7 +101,7 @@ def _champions(key: str, pattern: str) -> list[str]:
 def check_words(command: str, words: Sequence[str], *, several: bool = False) -> None:
     """Refuse keys that the schema does not know, and several values for a key unless there is a job for each."""
     choices, known = conf.groups(command), schema_keys(command)
-    open_keys = tuple(f"{key}." for key in OPEN if key in known)  # the schema does not know what keys are below
+    open_keys = tuple(f"{key}." for key, kind in known.items() if get_origin(kind) is dict or kind is Any)
     for override in parsed(word for word in words if not word.startswith("-")):
         key, line = override.key_or_group, str(override.input_line)
         if key not in choices and not key.startswith(("hydra.", "hydra/")):
@@ -133,19 +134,16 @@ def _below(key: str, groups: Iterable[str]) -> Iterator[str]:
 
 
 @functools.cache
-def schema_keys(command: str) -> frozenset[str]:
-    """All keys of a command that the schema knows, dotted."""
-    schema = OmegaConf.to_container(OmegaConf.structured(SCHEMAS[command]))
-    assert isinstance(schema, dict)
-    return frozenset(keys_below(schema))
+def schema_keys(command: str) -> dict[str, Any]:
+    """The types of all keys of a command that the schema knows, dotted; what is below a mapping, it does not know."""
+    return dict(_keys_below(SCHEMAS[command]))
 
 
-def keys_below(node: Mapping[Any, Any], prefix: str = "") -> Iterator[str]:
-    """All keys of plain settings, dotted; of a list, only its own."""
-    for key, value in node.items():
-        yield f"{prefix}{key}"
-        if isinstance(value, dict):
-            yield from keys_below(value, f"{prefix}{key}.")
+def _keys_below(schema: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for key, kind in kinds_of(schema).items():
+        yield f"{prefix}{key}", kind
+        if is_dataclass(inner := without_none(kind)):
+            yield from _keys_below(inner, f"{prefix}{key}.")
 
 
 def values_of(words: Iterable[str]) -> dict[str, Any]:

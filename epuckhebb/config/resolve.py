@@ -20,15 +20,14 @@ from epuckhebb.config.catalogue import NULL
 from epuckhebb.config.errors import explain
 from epuckhebb.config.parts import KINDS, NONE, PAPER, PART_GROUPS, make_part, part_class
 from epuckhebb.config.plugins import place_files
-from epuckhebb.config.schema import ScenarioConfig, WorldConfig
+from epuckhebb.config.schema import SCHEMAS, ScenarioConfig, WorldConfig, plain
 from epuckhebb.config.source import BROUGHT, change_row, choice, merge, named
+from epuckhebb.config.values import declared, default_values, make
 from epuckhebb.controller.plasticity.rule import Rule
 from epuckhebb.controller.wiring import LAYERS
-from epuckhebb.evolution.training import Training
 from epuckhebb.runtime import ConfigError, conf, data_folder, refusing, user_path, yaml_file
 from epuckhebb.runtime.yaml_file import DEFAULTS
 from epuckhebb.tmaze.individual import HEBBIAN
-from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.scenario import TRAINED, Scenario
 
@@ -38,7 +37,6 @@ _OF_GA = re.compile(r"[+~]*ga[.=]")  # an override of the genetic algorithm
 _PARTS = ("maze", "robot", "task", "fitness", "physics")  # groups whose choice `changed` names
 _SHOWN = ("scenario", "lifetime", "network", *_PARTS)  # groups whose values `changed` names
 _USUAL = ("training", "hebbian")  # more groups whose choice is as it is in what a configuration is compared with
-_DEFAULTS = {"scenario": ScenarioConfig, "lifetime": Lifetime, "training": Training}  # of what rows leave out
 _RECORDING = "lifetime.record_every"  # changes nothing in a lifetime
 T_MAZE = "t_maze"  # the maze of training
 _LONGEST = 80  # characters of a world in the name of a folder
@@ -60,6 +58,7 @@ def resolve(
     """
     OmegaConf.set_struct(cfg, False)
     with refusing(explain, OmegaConfBaseException):
+        _check_shape(cfg, default_values(SCHEMAS[command]))
         if "environment" in cfg:  # first, since rows of rules refer to the maze
             environments.complete(cfg, choices, overrides)
             _compare_in_environment(cfg, folders)
@@ -69,6 +68,20 @@ def resolve(
         find_own_files(cfg)
         if "scenario" in cfg and cfg.get("changed") is None:
             _resolve(command, cfg, dict(choices), overrides, folders)
+
+
+def _check_shape(cfg: DictConfig, defaults: Mapping[str, Any], prefix: str = "") -> None:
+    """Refuse a value in place of settings or of a list, which are completed before the schema checks what they hold."""
+    for key, default in defaults.items():
+        if key not in cfg.keys():  # noqa: SIM118  # a value that refers to nothing is not `in cfg`
+            raise ConfigError(f"{prefix}{key} is missing; it cannot be removed")
+        if isinstance(default, list) and not isinstance(cfg[key], ListConfig):
+            raise ConfigError(f"{prefix}{key} must be a list, got {cfg[key]}")
+        if isinstance(default, dict) and (prefix, key) != ("", "ga"):
+            if not isinstance(cfg[key], DictConfig):
+                hint = "give keys below it (in a file, a choice of a group stands in its `defaults`)"
+                raise ConfigError(f"{prefix}{key} must be settings, got {cfg[key]}; {hint}")
+            _check_shape(cfg[key], default, f"{prefix}{key}.")
 
 
 def _resolve(
@@ -264,8 +277,8 @@ def training_world(config: WorldConfig, evolved_in: str = "") -> Scenario:
         "scenario": {**named("scenario", trained, [data_folder("conf")])["scenario"], "name": trained},
         "maze": maze,
     }
-    cfg = OmegaConf.merge({"scenario": OmegaConf.structured(ScenarioConfig)}, values)
-    world = make_scenario(OmegaConf.to_object(cfg.scenario), maze, config.robot)
+    scenario = plain(OmegaConf.create(values))["scenario"]
+    world = make_scenario(make(ScenarioConfig, declared(ScenarioConfig, scenario, "scenario")), maze, config.robot)
     return replace(world, physics=physics)
 
 
@@ -291,7 +304,7 @@ def named_world(command: str, choices: Mapping[str, str], changed: Iterable[str]
 
     main = yaml_file.load(conf.command_file(command))
     usual = {group: name for entry in main[DEFAULTS] if isinstance(entry, Mapping) for group, name in entry.items()}
-    values: dict[str, Any] = {key: dict(vars(kind())) for key, kind in _DEFAULTS.items()} | {"network": main["network"]}
+    values = {**default_values(SCHEMAS[command]), "network": main["network"]}
     worlds = [brought("scenario", choices["scenario"]), *(brought("change", name) for name in changed)]
     for world in worlds:
         usual |= world["choices"]

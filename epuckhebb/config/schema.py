@@ -8,9 +8,8 @@ that a user can bring (a rule, a maze, a robot) are open here, and checked when 
 import functools
 import re
 from collections.abc import Sequence
-from dataclasses import MISSING, Field, dataclass, field, fields, make_dataclass
-from enum import Enum
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast, get_type_hints
+from dataclasses import MISSING, Field, dataclass, field, fields, make_dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeVar, cast
 
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -19,16 +18,18 @@ from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.config import build
 from epuckhebb.config.errors import explain
 from epuckhebb.config.parts import Layers, make_part
+from epuckhebb.config.values import NO_KEY, Plain, declared, default_values, make, plain_value
+from epuckhebb.controller.genome import GenomePlan
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.control import Control
 from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, Rule
 from epuckhebb.controller.ranges import check, within
 from epuckhebb.controller.wiring import LAYERS, Wiring
 from epuckhebb.evolution.evolve import evolved_plan
-from epuckhebb.evolution.optimizer import Algorithm
+from epuckhebb.evolution.optimizer import Algorithm, Schedule
 from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.evolution.training import Training
-from epuckhebb.runtime import refusing
+from epuckhebb.runtime import ConfigError, refusing
 from epuckhebb.tmaze.individual import GA_ALONE, Controller
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.own_fitness import IN_MAZE, PAPER_FITNESS
@@ -38,50 +39,57 @@ from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
 
 MOST_THREADS = 1024  # more than cores of any machine there is; a system may refuse to start more
 
-
-Plain = dict[str, Any]  # a configuration of plain values
 Config = TypeVar("Config", bound="Checked")
 
 
 class Checked:
-    """What all configurations have in common: the values that Hydra composed, from which they are made.
-
-    controllers: those whose lifetimes run, besides the network alone.
-    """
+    """What all configurations have in common."""
 
     command: ClassVar[str]
-    composed: DictConfig
     seed: int
-    hebbian: dict[str, Any]
-    rule: Rule
-    network_made: Network
-    controllers: list[Controller]
-
-    def use(self, rule: Rule, called: str | None = None) -> None:
-        """Let controllers learn by a rule. called: its name in tables; that of its class unless given."""
-        raise NotImplementedError
-
-    def take(self, rule: Rule) -> None:
-        """Let controllers learn by a rule that was made in Python."""
-        self.use(rule)
 
     @functools.cached_property
     def values(self) -> Plain:
-        """All settings as plain values, every reference resolved."""
-        return plain(self.composed)
+        """All settings as plain values, not to be changed."""
+        values: Plain = plain_value(self)
+        return values
+
+
+class Learns(Checked):
+    """The plasticity rule of `evolve` and `evaluate`, and what else both have in every world.
+
+    learns: a rule that was made in Python, in place of the one that `hebbian` describes.
+    """
+
+    hebbian: dict[str, Any]
+    learns: Rule | None
+
+    def take(self, rule: Rule) -> Self:
+        """A copy of this configuration whose controllers learn by a rule that was made in Python."""
+        changed: Self = replace(cast(Any, self), learns=rule)
+        return changed
+
+    @functools.cached_property
+    def rule(self) -> Rule:
+        """The rule of plasticity."""
+        return build.make_rule(self.hebbian, "hebbian") if self.learns is None else self.learns
+
+    @property
+    def rule_name(self) -> str | None:
+        """What tables call the rule; None for the name of its class."""
+        return self.hebbian.get("name") if self.learns is None else None
 
 
 def plain(cfg: DictConfig) -> Plain:
     """A composed configuration as plain values, every reference resolved; a ConfigError if one leads nowhere."""
     with refusing(explain, OmegaConfBaseException):
-        values = OmegaConf.to_container(cfg, resolve=True, enum_to_str=True)
-    assert isinstance(values, dict)
-    return {str(key): value for key, value in values.items()}
+        return cast(Plain, OmegaConf.to_container(cfg, resolve=True))
 
 
 def dump(config: Checked) -> str:
     """The YAML that a run folder keeps of a configuration: all of its settings, every reference resolved."""
-    return OmegaConf.to_yaml(config.composed, resolve=True)
+    values = config.values
+    return OmegaConf.to_yaml(OmegaConf.create(literal(values) if "${" in str(values) else values), resolve=True)
 
 
 # A scenario has the keys of `Scenario`, but for other groups, and for what only changes during a lifetime set.
@@ -110,28 +118,20 @@ else:
     ScenarioConfig = make_dataclass("ScenarioConfig", keys, kw_only=True, namespace={"__module__": __name__})
 
 
-class Figures(Enum):
-    """The files to which a run writes its figures."""
-
-    png = "png"
-    svg = "svg"
-    pdf = "pdf"
-    none = "none"
+Figures = Literal["png", "svg", "pdf", "none"]  # the files to which a run writes its figures
 
 
-@dataclass(kw_only=True)
-class WorldConfig(Checked):
+@dataclass(frozen=True, kw_only=True)
+class WorldConfig(Learns):
     """The keys that `evaluate` and `evolve` have in common, and the world that comes of them.
 
-    change: the changes of the world by name, each with the maze and the physics that it brings. world: the scenario,
-    with its maze and robot. shape: of the network; None if it was left open. wiring: the network's, if it has one.
-    rule: of plasticity.
+    change: the changes of the world by name, each with the maze and the physics that it brings.
     """
 
     parallel: ClassVar[str] = "threads"  # the key that says how much runs at a time
     seed: int = within(0, default=1)
     threads: int = within(0, MOST_THREADS, default=0)
-    figures: Figures = Figures.png
+    figures: Figures = "png"
     scenario: ScenarioConfig = field(default_factory=ScenarioConfig)
     change: dict[str, Any] = field(default_factory=dict)
     maze: dict[str, Any] = field(default_factory=dict)
@@ -143,22 +143,34 @@ class WorldConfig(Checked):
     fitness: dict[str, Any] = field(default_factory=lambda: {"function": PAPER_FITNESS.name})
     physics: dict[str, Any] = field(default_factory=lambda: {"kind": PYMUNK.name})
     changed: str | None = None
+    learns: Rule | None = field(default=None, metadata=NO_KEY)
 
     def __post_init__(self) -> None:
         """Validate the settings."""
         check(self)
-        self.world = build.make_scenario(self.scenario, self.maze, self.robot, self.task, self.fitness, self.physics)
         self.world.fitness.check_world(IN_MAZE)
-        made = make_part("wiring", self.network, "network")
-        self.shape = made.layers if isinstance(made, Layers) else made
-        self.wiring = self.shape if isinstance(self.shape, Wiring) else None
-        self.network_made = build.make_network(self.world, self.shape)
+        _ = self.network_made, self.rule  # made now, so that what cannot be is refused
         self.world.check_lifetime(self.lifetime)
-        self.rule = build.make_rule(self.hebbian, "hebbian")
+
+    @functools.cached_property
+    def world(self) -> Scenario:
+        """The scenario, with its maze and robot."""
+        return build.make_scenario(self.scenario, self.maze, self.robot, self.task, self.fitness, self.physics)
+
+    @functools.cached_property
+    def shape(self) -> build.Shape:
+        """The shape of the network; None if it was left open."""
+        made = make_part("wiring", self.network, "network")
+        return made.layers if isinstance(made, Layers) else cast(Wiring, made)
+
+    @functools.cached_property
+    def network_made(self) -> Network:
+        """The network between the sensors and the wheels."""
+        return build.make_network(self.world, self.shape)
 
 
-@dataclass(kw_only=True)
-class Evaluates(Checked):
+@dataclass(frozen=True, kw_only=True)
+class Evaluates(Learns):
     """The keys of `evaluate` in every world."""
 
     genome: str = "reference"
@@ -175,13 +187,12 @@ class Evaluates(Checked):
         return controllers
 
 
-@dataclass(kw_only=True)
-class Evolves(Checked):
+@dataclass(frozen=True, kw_only=True)
+class Evolves(Learns):
     """The keys of `evolve` in every world.
 
     genome: whose weights all individuals are given, so that only the rule is evolved; None for weights that evolve.
-    start: the champion at whose genes evolution begins; None for random ones. algorithm: the optimizer, of `optimizer`
-    and `ga`. schedule: how long it goes on. plan: what is evolved.
+    start: the champion at whose genes evolution begins; None for random ones.
     """
 
     genome: str | None = None
@@ -189,49 +200,62 @@ class Evolves(Checked):
     ga: GA | None = field(default_factory=GA)  # None if the optimizer is another
     optimizer: dict[str, Any] = field(default_factory=lambda: {"algorithm": GA.key})
 
-    def plan_search(self, training: Training, lifetime: Lifetime) -> None:
-        """Make the optimizer, and what it evolves."""
+    @functools.cached_property
+    def algorithm(self) -> Algorithm:
+        """The optimizer, of `optimizer` and `ga`."""
+        return build.make_optimizer(self.optimizer, self.ga)
+
+    @functools.cached_property
+    def schedule(self) -> Schedule:
+        """How many generations there are, and how many lifetimes."""
+        return self.algorithm.schedule(cast(Any, self).training, cast(Any, self).lifetime)
+
+    @functools.cached_property
+    def plan(self) -> GenomePlan:
+        """What is evolved."""
+        return evolved_plan(cast(Any, self).network_made, self.rule, has_network=self.genome is not None)
+
+    def check_search(self) -> None:
+        """Refuse an optimizer that cannot evolve the plan, and a rule that only an evaluation can have."""
         if self.rule.control is not Control.none or self.rule.sign_draw:
             given = f"hebbian.control={self.rule.control.name} and hebbian.sign_draw={self.rule.sign_draw}"
             raise ValueError(f"{given} are for evaluate; in evolution there are none and 0: the seed draws the signs")
-        self.algorithm = build.make_optimizer(self.optimizer, self.ga)
-        self.schedule = self.algorithm.schedule(training, lifetime)
-        self.plan = evolved_plan(self.network_made, self.rule, has_network=self.genome is not None)
         self.algorithm.check(self.plan)
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class EvaluateConfig(Evaluates, WorldConfig):
     """All keys of `epuckhebb evaluate` in the maze.
 
-    controllers: what comes of them, `hebbian` with `adaptation` (unless both are none), the same with its reward
-    inverted if it receives one, and those of `compare`.
+    tested: controllers that were made in Python, in place of those of `hebbian`, `adaptation` and `compare`.
     """
 
     command: ClassVar[str] = "evaluate"
     adaptation: Adaptation = field(default_factory=Adaptation)
+    tested: list[Controller] | None = field(default=None, metadata=NO_KEY)
 
     def __post_init__(self) -> None:
         """Validate the settings."""
         super().__post_init__()
-        self.adaptation = build.resolve_signal(self.adaptation)
-        self.use(self.rule, self.hebbian.get("name"))
-
-    def use(self, rule: Rule, called: str | None = None) -> None:
-        """Let controllers learn by a rule. called: its name in tables; that of its class unless given."""
-        self.rule, main = rule, build.make_controller(rule, self.adaptation, called)
-        self.controllers = self.compared(main, build.add_controls(main, self.world.task), self.scenario.paper_N)
         for controller in self.controllers:
-            controller.check(self.world, self.lifetime.duration_s, self.wiring)
+            controller.check(self.world, self.lifetime.duration_s, self.network_made.wiring)
+
+    @functools.cached_property
+    def controllers(self) -> list[Controller]:
+        """Those whose lifetimes run, besides the network alone.
+
+        They are `hebbian` with `adaptation` (unless both are none), the same with its reward inverted if it receives
+        one, and those of `compare`.
+        """
+        if self.tested is not None:
+            return self.tested
+        main = build.make_controller(self.rule, build.resolve_signal(self.adaptation), self.rule_name)
+        return self.compared(main, build.add_controls(main, self.world.task), self.scenario.paper_N)
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class EvolveConfig(Evolves, WorldConfig):
-    """All keys of `epuckhebb evolve` in the maze.
-
-    controller: what drives the robots besides their genes. controllers: the same, and the GA if the rule is to be
-    switched off.
-    """
+    """All keys of `epuckhebb evolve` in the maze."""
 
     command: ClassVar[str] = "evolve"
     training: Training = field(default_factory=Training)
@@ -241,16 +265,10 @@ class EvolveConfig(Evolves, WorldConfig):
         super().__post_init__()
         if self.scenario.hand is not None:
             raise ValueError(f"scenario.hand={self.scenario.hand} is for `epuckhebb evaluate`; evolve takes changes")
-        self.use(self.rule, self.hebbian.get("name"))
-
-    def use(self, rule: Rule, called: str | None = None) -> None:
-        """Let controllers learn by a rule. called: its name in tables; that of its class unless given."""
-        self.rule, self.controller = rule, build.make_controller(rule, Adaptation(), called)
-        self.controller.check(self.world, self.lifetime.duration_s, self.wiring)
-        self.controllers = [self.controller, *[GA_ALONE] * self.training.rule_off]
+        self.controller.check(self.world, self.lifetime.duration_s, self.network_made.wiring)
         if self.rule.carries_history:
             raise ValueError("hebbian.carries_history=true is for evaluate: in evolution no lifetime follows another")
-        self.plan_search(self.training, self.lifetime)
+        self.check_search()
         self.training.check(self.world, self.lifetime, self.schedule.loops)
         inherits = type(self.algorithm).inherit is not Algorithm.inherit
         evolves = self.rule.initial_weights is InitialWeights.evolved and self.genome is None
@@ -260,6 +278,16 @@ class EvolveConfig(Evolves, WorldConfig):
                     "a rule whose initial weights evolve (hebbian=baldwin), no genome, and, if lamarckian, optimizer=ga"
                 )
                 raise ValueError(f"training.{name}=true needs {needs}; got hebbian.rule={self.hebbian.get('rule')}")
+
+    @functools.cached_property
+    def controller(self) -> Controller:
+        """What drives the robots besides their genes."""
+        return build.make_controller(self.rule, Adaptation(), self.rule_name)
+
+    @property
+    def controllers(self) -> list[Controller]:
+        """The controllers of an evolution: also the GA, if the rule is to be switched off."""
+        return [self.controller, *[GA_ALONE] * self.training.rule_off]
 
 
 SCHEMAS: dict[str, Any] = {schema.command: schema for schema in (EvaluateConfig, EvolveConfig)}
@@ -276,38 +304,31 @@ def register(schema: type[Config]) -> type[Config]:
     return schema
 
 
-# Below these, the schema does not know the keys.
-_GROUPS = ("hebbian", "compare", "change", "maze", "robot", "network", "optimizer", "task", "fitness", "physics")
-_OWN = ("flock.own", "environment.options")  # what the user's classes get
-OPEN = (*_GROUPS, "scenario.goals", *_OWN)
-
-
 def structured(command: str) -> DictConfig:
-    """The schema of a command, into which Hydra merges the files. Making one takes longer than composing."""
-    node: DictConfig = OmegaConf.structured(SCHEMAS[command])
-    for key in (*_GROUPS, *_OWN):
-        if isinstance(part := OmegaConf.select(node, key), DictConfig):
-            OmegaConf.set_struct(part, False)  # Hydra takes any key below them, without a +
+    """The defaults of a command, into which Hydra merges the files. It takes any key below them, without a +."""
+    node = OmegaConf.create(default_values(SCHEMAS[command]))
+    for part in node.values():
+        if isinstance(part, DictConfig):
+            OmegaConf.set_struct(part, False)
     if command.startswith(EvolveConfig.command):
         node.ga = None  # until group ga is chosen, which other optimizers than the GA undo
     return node
 
 
 def typed(cfg: DictConfig, schema: type[Config]) -> Config:
-    """The composed configuration as plain dataclasses, checked."""
-    with refusing(explain, (ValueError, OmegaConfBaseException)):
-        config: Any = OmegaConf.to_object(cfg)
-    assert isinstance(config, schema)
-    config.composed = cfg
-    return config
+    """The configuration that Hydra composed, checked."""
+    return make_config(plain(cfg), schema)
 
 
-def make_config(values: Plain, schema: type[Config], source: str) -> Config:
+def make_config(values: Plain, schema: type[Config], source: str = "") -> Config:
     """The configuration of plain values, all names among them. source: where they come from, for messages."""
-    with refusing(lambda error: f"{source} cannot be used: {explain(error)}", Exception):  # damaged ones may raise any
-        cfg = OmegaConf.merge(_keys_of(cast(Any, schema)), literal(values) if "${" in str(values) else values)
-        assert isinstance(cfg, DictConfig)
-    return typed(cfg, schema)
+    try:
+        values = declared(schema, values)
+    except ConfigError as error:
+        raise ConfigError(f"{source} cannot be used: {error}" if source else str(error)) from error
+    with refusing():
+        config: Config = make(schema, values)
+    return config
 
 
 def literal(value: Any) -> Any:
@@ -317,20 +338,3 @@ def literal(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: literal(inner) for key, inner in value.items()}
     return [literal(inner) for inner in value] if isinstance(value, list) else value
-
-
-def value_as_declared(key: str, value: Any, command: str) -> Any:
-    """A value of a key of a command, of the type that the schema declares."""
-    with refusing(explain, OmegaConfBaseException):
-        one: Any = OmegaConf.merge(_key_alone(SCHEMAS[command], key), {key: value})
-    return one[key]
-
-
-_keys_of = functools.cache(OmegaConf.structured)  # the keys of a schema with their types; each job of a sweep has them
-
-
-@functools.cache
-def _key_alone(schema: type[Config], key: str) -> Any:
-    """A key of a schema with its type, without the others, which a merge would copy for each job of a sweep."""
-    alone: Any = make_dataclass("Alone", [(key, get_type_hints(schema)[key])])
-    return OmegaConf.structured(alone)

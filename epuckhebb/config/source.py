@@ -42,6 +42,8 @@ def choice(folder: Path, group: str, name: str) -> Choice | None:
             raise ConfigError(f"{folder / conf.TABLES[group]}: {name} must be settings, got {settings}")
     else:
         return None
+    if group == "experiment" and package != ROOT:
+        raise ConfigError(f"{group}/{name}: its first line must be `# @package {ROOT}`")
     return Choice(_whole_settings(name, settings), ROOT) if group == "change" else Choice(settings, package)
 
 

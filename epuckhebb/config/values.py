@@ -1,19 +1,24 @@
-"""Plain values of settings, converted to the types that dataclasses and records declare."""
+"""The one validator of settings: plain values, checked for the keys and types that dataclasses and records declare.
 
+What a number may be is declared with its field (`epuckhebb.controller.ranges`), and checked when the class is made.
+"""
+
+import functools
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import MISSING, fields
-from enum import EnumType
-from typing import Any, get_args, get_origin, get_type_hints
+from dataclasses import MISSING, fields, is_dataclass
+from enum import Enum, EnumType
+from typing import Any, Literal, cast, get_args, get_origin, get_type_hints
 
 import msgspec
 
 from epuckhebb.runtime import ConfigError, did_you_mean
 from epuckhebb.tmaze.sensors import CurvePoint, Place
 
+Plain = dict[str, Any]  # a configuration of plain values
 _ROWS = (Place, CurvePoint)  # records that are written as lists of numbers
-_EXPECTED = re.compile(r"Expected `(.+)`, got `.+`")  # of msgspec
+_EXPECTED = re.compile(r"Expected `([^`|]+).*`, got `.+`")  # of msgspec
 _KINDS = {
     "float": "a number",
     "int": "a whole number",
@@ -22,7 +27,50 @@ _KINDS = {
     "array": "a list",
     "object": "settings",
 }
+NO_KEY = {"key": False}  # metadata of a field that is set in Python alone
 _INFINITE = (math.inf, -math.inf)
+
+
+@functools.cache
+def kinds_of(kind: Any) -> dict[str, Any]:
+    """The types of the fields of a dataclass by their names, not to be changed."""
+    hints = get_type_hints(kind)
+    return {field.name: hints[field.name] for field in fields(kind) if field.init and field.metadata.get("key", True)}
+
+
+def default_values(kind: Any) -> Plain:
+    """The defaults of a dataclass as plain values, without fields that have none."""
+    defaults = {}
+    for field in (one for one in fields(kind) if one.name in kinds_of(kind)):
+        if field.default_factory is not MISSING:
+            defaults[field.name] = plain_value(field.default_factory())
+        elif field.default is not MISSING:
+            defaults[field.name] = plain_value(field.default)
+    return defaults
+
+
+def plain_value(value: Any) -> Any:
+    """A value as YAML has it: a dataclass as its settings, a member of an enum as its name."""
+    if is_dataclass(value):
+        return {name: plain_value(getattr(value, name)) for name in kinds_of(cast(Any, type(value)))}
+    return value.name if isinstance(value, Enum) else value
+
+
+def declared(kind: Any, given: object, key: str = "", owner: str = "") -> Plain:
+    """Settings as plain values of the types that a dataclass declares. key, owner: as of `part_settings`."""
+    values = part_settings(kind, given, key, owner or key)
+    return {name: plain_value(value) for name, value in values.items()}
+
+
+def make(kind: Any, values: Mapping[str, Any]) -> Any:
+    """The dataclass of settings that `declared` has checked."""
+
+    def made(inner: Any, value: Any) -> Any:
+        if is_dataclass(inner) and value is not None:
+            return make(inner, value)
+        return inner[value] if isinstance(inner, EnumType) and value is not None else value
+
+    return kind(**{name: made(without_none(kinds_of(kind)[name]), value) for name, value in values.items()})
 
 
 def part_settings(kind: Any, given: object, key: str, owner: str, **others: Any) -> dict[str, Any]:
@@ -30,13 +78,12 @@ def part_settings(kind: Any, given: object, key: str, owner: str, **others: Any)
 
     owner: what the part is called in messages. others: other types for some of its fields.
     """
-    hints = {**get_type_hints(kind), **others}
     defaults = {
         field.name: None if field.default is MISSING else field.default
         for field in fields(kind)
         if not (field.default is field.default_factory is MISSING)
     }
-    return record(key, given, {field.name: hints[field.name] for field in fields(kind)}, defaults, owner)
+    return record(key, given, {**kinds_of(kind), **others}, defaults, owner)
 
 
 def record(
@@ -44,50 +91,71 @@ def record(
 ) -> dict[str, Any]:
     """The values of keys with these types. defaults: of the keys that may be left out."""
     given: dict[str, Any] = converted(where, value, dict[str, Any])
+    prefix = where and f"{where}."
     for key in given:
         if key not in kinds:
+            first, dot, rest = key.partition(".")
             names = ", ".join(kinds) or "none"
-            raise ConfigError(f"{where}.{key} is no key of {owner}; it has {names}{did_you_mean(key, kinds)}")
+            hint = f"; write {first}: {{{rest}: ...}}" if dot else did_you_mean(key, kinds)
+            raise ConfigError(f"{prefix}{key} is no key{owner and f' of {owner}; it has {names}'}{hint}")
     for key in kinds:
         if key not in given and key not in defaults:
-            raise ConfigError(f"{where}.{key} is missing")
+            raise ConfigError(f"{prefix}{key} is missing")
     return {
         key: item
         if item in _INFINITE and defaults.get(key) in _INFINITE
-        else converted(f"{where}.{key}", item, kinds[key])
+        else converted(f"{prefix}{key}", item, kinds[key])
         for key, item in given.items()
     }
 
 
 def converted(where: str, value: object, kind: Any) -> Any:
-    """A value as its declared type has it. where: its key, for messages."""
+    """A value as its declared type has it; that of a dataclass as `declared`. where: its key, for messages."""
+    if value is None and type(None) in get_args(kind):
+        return None
+    kind = without_none(kind)
     inner = get_args(kind)
-    record_kind = next((one for one in (kind, *inner) if hasattr(one, "_fields") and one not in _ROWS), None)
+    if is_dataclass(kind):
+        return declared(kind, value, where)
     if get_origin(kind) is Mapping:  # of names, or of certain ones
         names = get_args(inner[0]) or converted(where, value, dict[str, Any])
         return record(where, value, dict.fromkeys(names, inner[1]), {}, where)
-    if record_kind and get_origin(kind) is tuple:
+    if get_origin(kind) is tuple and _is_record(inner[0]):
         return tuple(
-            converted(f"{where}[{n}]", item, record_kind) for n, item in enumerate(converted(where, value, list[Any]))
+            converted(f"{where}[{n}]", item, inner[0]) for n, item in enumerate(converted(where, value, list[Any]))
         )
-    if record_kind and value is not None:
-        return record_kind(
-            **record(where, value, get_type_hints(record_kind), record_kind._field_defaults, record_kind.__name__)
-        )
+    if _is_record(kind):
+        return kind(**record(where, value, get_type_hints(kind), kind._field_defaults, kind.__name__))
+    if names := inner if get_origin(kind) is Literal else getattr(kind, "__members__", ()):
+        if (str(value) if isinstance(kind, EnumType) else value) not in names:
+            raise ConfigError(f"{where} must be one of {', '.join(map(str, names))}; given was {value!r}")
+        return kind[str(value)] if isinstance(kind, EnumType) else value
+    if kind is str and isinstance(value, int | float):  # a name of digits
+        return str(value)
     try:
         result = msgspec.convert(value, kind)
     except (msgspec.ValidationError, TypeError) as error:
         reason, _, place = str(error).partition(" - at `$")
-        reason = _EXPECTED.sub(lambda found: f"it must be {_KINDS.get(found[1], found[1])}", reason)
-        allowed = f", it must be one of {', '.join(kind.__members__)}" if isinstance(kind, EnumType) else ""
-        raise ConfigError(f"{where}{place.rstrip('`')}: {reason}{allowed}; given was {value!r}") from error
+        reason = _EXPECTED.sub(lambda found: f"it must be {_KINDS.get(found[1].strip(), found[1])}", reason)
+        raise ConfigError(f"{where}{place.rstrip('`')}: {reason}; given was {value!r}") from error
     if not _is_finite(result):
         raise ConfigError(f"{where} must be finite, got {value!r}")
     return result
 
 
+def without_none(kind: Any) -> Any:
+    """The type of the values but None."""
+    inner = [one for one in get_args(kind) if one is not type(None)]
+    return inner[0] if len(inner) == 1 < len(get_args(kind)) else kind
+
+
+def _is_record(kind: Any) -> bool:
+    """Whether a type is a record whose fields have keys."""
+    return hasattr(kind, "_fields") and kind not in _ROWS
+
+
 def _is_finite(value: object) -> bool:
     """Whether a value, and all in it, is no infinite number."""
-    if isinstance(value, tuple):
+    if isinstance(value, tuple | list):
         return all(map(_is_finite, value))
     return not isinstance(value, float) or math.isfinite(value)

@@ -76,5 +76,5 @@ def recording_page(recorded: Recording) -> str:
     """The page of a recording."""
     title, world, gain = recorded.title, recorded.config.world, recorded.config.lifetime.gain_rad_s
     weights, notes = recorded.weights, recorded.notes
-    network = replace(recorded.network, wiring=recorded.config.wiring)  # the record names it alone
+    network = replace(recorded.network, wiring=recorded.config.network_made.wiring)  # the record names it alone
     return pages.page(recorded.traces, weights, world, title, gain_rad_s=gain, network=network, notes=notes)

@@ -175,7 +175,7 @@ def drawn(config: Any, name: str, figures: Figures) -> Iterator[tuple[str, Any]]
 
 def draw(run: RunFolder, config: Any, name: str, figures: Figures) -> None:
     """Draw the figures of a run, unless its settings have none. name: of the genome or the optimizer."""
-    kind = config.figures.value
+    kind = config.figures
     if kind != "none" and figures:
         from epuckhebb.analysis.image import image
 

@@ -4,7 +4,6 @@ Environments hold the lock of Python, so lifetimes run in processes. What each i
 are bit-identical with any number of processes.
 """
 
-import copy
 import functools
 import inspect
 import io
@@ -197,10 +196,8 @@ class Gymnasium(World):
         if not genome.environment_settings:
             needed = f"environment.scale={RUNNING} needs a champion of an environment"
             raise ConfigError(f"{needed}, got genome={genome.name}")
-        scale, config = json.loads(genome.environment_settings)["scale"], copy.copy(self.config)
-        config.environment = replace(config.environment, scale=scale)
-        config.world = config.world.rescaled(scale)
-        return config
+        scale = json.loads(genome.environment_settings)["scale"]
+        return replace(self.config, environment=replace(self.config.environment, scale=scale))
 
     def notes(self, genome: Genome | None = None) -> list[str]:
         """What random actions show of the environment, and how the evolution of a champion differs."""

@@ -246,7 +246,7 @@ def _run_one(
         is_hydras = override.lstrip("+~").startswith(("hydra.", "hydra/"))
         if is_hydras and not override.startswith((RUN_DIR, SEARCH_PATH)):
             raise ConfigError(f"{override} does nothing in one run; give {RUN_DIR}FOLDER, or -m for many runs")
-    _, _, cfg, hydras, _ = composed_with_hydra(command, overrides, config_dir)
+    cfg, hydras, _ = composed_with_hydra(command, overrides, config_dir)
     config = typed(cfg, SCHEMAS[command])
     cfg.hydra = hydras
     with refusing(explain, OmegaConfBaseException):

@@ -32,7 +32,7 @@ from epuckhebb.worlds.world import Figures, World, Write
 
 if TYPE_CHECKING:
 
-    class _Settings(EvaluateConfig, EvolveConfig):  # type: ignore[misc]
+    class _Settings(EvaluateConfig, EvolveConfig):
         """The settings of both commands, of which a run has those of one."""
 
 

@@ -1,5 +1,6 @@
 """What the machine gives: cores, the standard streams, paths of the user's, and the data folders of the program."""
 
+import math
 import os
 import sys
 from contextlib import suppress
@@ -11,6 +12,7 @@ from epuckhebb.runtime.errors import refusing
 _PACKAGE = Path(__file__).resolve().parents[1]
 LATEST = "latest"  # the word for the run of the last call
 REFERENCE = "reference"  # the word for the bundled champions
+_MANY = 1_000_000  # cores: no limit
 
 
 def open_missing_streams() -> None:
@@ -32,11 +34,25 @@ def discard(stream: IO[str]) -> None:
 
 
 def thread_count(threads: int = 0) -> int:
-    """The number of threads to use; 0 stands for one for each core that this process, or its container, may use."""
-    from joblib import cpu_count
+    """The number of threads to use; 0 stands for one for each core that this process, or its container, may use.
 
+    LOKY_MAX_CPU_COUNT, of the environment, limits them, too, as it limits the processes of joblib. That counts the same
+    cores, and would take a while to load.
+    """
+    if threads:
+        return threads
+    most = os.environ.get("LOKY_MAX_CPU_COUNT", str(_MANY))
     with refusing(lambda error: f"LOKY_MAX_CPU_COUNT, of the environment, must be a whole number: {error}", ValueError):
-        return threads or int(cpu_count())
+        allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        return max(1, min(allowed, _container_cores(), int(most)))
+
+
+def _container_cores() -> int:
+    """The cores for which the container's quota of time suffices; many where it has none."""
+    with suppress(OSError, ValueError):  # the second: "max", no quota
+        quota, period = Path("/sys/fs/cgroup/cpu.max").read_text(encoding="ascii").split()
+        return math.ceil(int(quota) / int(period))
+    return _MANY
 
 
 def data_folder(name: str) -> Path:

@@ -4,7 +4,6 @@ A job is named by all that its result depends on: its settings, the job of its c
 rules, the science.
 """
 
-import copy
 import functools
 from collections.abc import Mapping
 from dataclasses import replace
@@ -107,20 +106,21 @@ def move_world(prepared: PreparedEvaluation, target: EvaluateConfig) -> Prepared
 
     The physics is that of the world if a change brings it, as `3d` does.
     """
-    world, ours = target.world, prepared.config.world
-    if world.name == ours.name:
+    world = target.world
+    if world.name == prepared.config.world.name:
         return prepared
-    config = copy.copy(prepared.config)
-    is_brought = any("physics" in brought for brought in target.change.values())
-    config.world = replace(world, fitness=ours.fitness, physics=world.physics if is_brought else ours.physics)
-    config.lifetime = replace(config.lifetime, duration_s=world.paper_duration_s)
-    return replace(prepared, config=config)
+    brought = ["scenario", "change", "maze", "robot", "task"]
+    brought += ["physics"] if any("physics" in change for change in target.change.values()) else []
+    lifetime = replace(prepared.config.lifetime, duration_s=world.paper_duration_s)
+    settings = {name: getattr(target, name) for name in brought}
+    return replace(prepared, config=replace(prepared.config, lifetime=lifetime, **settings))
 
 
 def _test(path: Path, config: EvaluateConfig, job: Plain, overrides: list[str], facts: dict[str, Any]) -> None:
     """Evaluate a champion in all worlds."""
     if "rates" in job:
-        config.controllers = reproduction.controllers(job["experiment"], job["rates"], Signal[job["signal"]])
+        controllers = reproduction.controllers(job["experiment"], job["rates"], Signal[job["signal"]])
+        config = replace(config, tested=controllers)
     prepared, threads = prepare_evaluation(config), hydra.threads_of_job(config.threads)
     genome = prepared.genome
     prepared = replace(prepared, genome=replace(genome, name=job.get("name", genome.name)))
