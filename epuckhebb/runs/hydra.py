@@ -362,8 +362,9 @@ class _Chosen(Launcher):
         words = [
             [*task.overrides, f"hydra.sweep.subdir={quoted(os.path.relpath(task.path, folder))}"] for task in tasks
         ]
-        is_slurm = str(self._config.hydra.launcher._target_).endswith("SlurmLauncher")
-        with slurm.watching(self._config.hydra.launcher.submitit_folder) if is_slurm else nullcontext() as queue:
+        launcher, threads = self._config.hydra.launcher, self._config.get("threads", 1)
+        is_slurm = launcher._target_.endswith("SlurmLauncher")
+        with slurm.watching(launcher, threads) if is_slurm else nullcontext() as queue:
             try:
                 return [done.return_value for done in self._launcher.launch(words, initial_job_idx=0)]
             except (BrokenProcessPool, HydraException, OmegaConfBaseException):
@@ -373,6 +374,10 @@ class _Chosen(Launcher):
                     raise KeyboardInterrupt from error
                 if queue and queue.lost:
                     return [queue.lost.get(place) for place in range(len(tasks))]
+                if queue and queue.is_refused:
+                    choices = [word for word in self._config.hydra.overrides.hydra if "launcher" in word]
+                    text = f"SLURM refuses {' '.join(choices)}: {' '.join(str(error).split())}"
+                    return [ConfigError(text)] * len(tasks)
                 raise LauncherError(f"the launcher stopped: {type(error).__name__}: {error}") from error
 
 
