@@ -19,6 +19,7 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.core.plugins import Plugins
 from hydra.errors import HydraException
 from hydra.plugins.launcher import Launcher
+from hydra.plugins.sweeper import Sweeper
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import OmegaConfBaseException
@@ -320,7 +321,7 @@ def call(
     entry = hydra.main(config_path=str(data_folder("conf")), config_name=command, version_base=VERSION_BASE)(
         functools.partial(_do, task, errors, os.getpid(), Path.cwd())
     )
-    many = nullcontext() if jobs is None else _launching(jobs)
+    many = nullcontext() if jobs is None else _launching(jobs, command)
     with catalogue(command, config_dir), _set_command_line(command, arguments), many:
         try:
             entry()
@@ -382,8 +383,11 @@ class _Chosen(Launcher):
 
 
 @contextmanager
-def _launching(jobs: Jobs) -> Iterator[None]:
-    """Let Hydra's own sweeper have a launcher that gets the jobs that are to do, and joblib workers that begin here."""
+def _launching(jobs: Jobs, command: str) -> Iterator[None]:
+    """Let Hydra's own sweeper have a launcher that gets the jobs that are to do, and joblib workers that begin here.
+
+    Hydra would first compose each job once more, to see whether it can be; those of studies are known by their names.
+    """
     instantiate = Plugins.instantiate_launcher
 
     def chosen(self: Plugins, **how: Any) -> Launcher:
@@ -392,7 +396,8 @@ def _launching(jobs: Jobs) -> Iterator[None]:
             raise ConfigError(f"hydra/sweeper must be basic: jobs return no number to {sweeper}")
         return _Chosen(instantiate(self, **how), jobs, how["hydra_context"], how["config"])
 
-    with joblib_workers(), patch.object(Plugins, "instantiate_launcher", chosen):
+    are_legal = patch.object(Sweeper, "validate_batch_is_legal") if command == "study" else nullcontext()
+    with joblib_workers(), are_legal, patch.object(Plugins, "instantiate_launcher", chosen):
         yield
 
 
