@@ -160,6 +160,13 @@ def ray(session: nox.Session) -> None:
 
 
 @nox.session(tags=["heavy"])
+def digits(session: nox.Session) -> None:
+    """Say what an evolution has otherwise on a machine whose C library gives exp, tanh, sin and cos other digits."""
+    session.install(".", STABLE)
+    session.run("python", "tests/other_digits.py")
+
+
+@nox.session(tags=["heavy"])
 def brian(session: nox.Session) -> None:
     """Compare spike trains and spike-timing-dependent plasticity with those of Brian2."""
     session.install(".", *group("tests"), "brian2>=2.9", "numpy<2.4")  # newer ones need Python 3.12

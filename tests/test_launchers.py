@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from cases import call, done
+from cases import call, done, refused
 
 from epuckhebb.store import Run
 
@@ -75,6 +75,13 @@ def test_three_jobs_on_slurm(here, monkeypatch, launcher):
     assert len(submitted) == 1, submitted  # one array of three jobs
     monkeypatch.chdir(here / "out")
     assert sweep_on("basic", here / "out") == table
+
+
+@pytest.mark.slurm
+def test_what_slurm_refuses_is_refused(here):
+    told = refused("evolve", "-m", "seed=1,2", "hydra/launcher=slurm", "hydra.launcher.partition=none")
+    assert "hydra.launcher.partition=none" in told
+    assert not list(here.iterdir())
 
 
 @pytest.mark.slurm

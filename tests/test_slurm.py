@@ -1,7 +1,9 @@
 """SLURM's queue as a program that answers `squeue` has it: what waits, and what is lost."""
 
+import logging
 import os
 import pickle
+from types import SimpleNamespace
 
 import pytest
 
@@ -86,5 +88,23 @@ def test_a_job_that_is_lost_alone_is_the_first(tmp_path, monkeypatch):
 
 def test_a_machine_that_is_of_no_cluster_is_refused(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(ConfigError, match="srun"), slurm.watching(f"{tmp_path}/%j"):
+    with pytest.raises(ConfigError, match="srun"), slurm.watching(None, 1):
         pass
+
+
+@pytest.mark.parametrize(("minutes", "threads", "key"), [(10, 1, "timeout_min"), (11, 4, "cpus_per_task"), (11, 1, "")])
+@pytest.mark.usefixtures("queue")
+def test_a_short_limit_and_too_few_cores_are_said(tmp_path, monkeypatch, capsys, minutes, threads, key):
+    """Submitit takes any signal in the last ten minutes of a job for the end of its time."""
+    environment = pytest.importorskip("submitit.core.job_environment")
+    handler = environment.SignalHandler(None, None, SimpleNamespace(_timeout_min=minutes))
+    handler._logger = logging.getLogger()
+    assert handler.has_timed_out() == (key == "timeout_min")
+    monkeypatch.setattr(slurm, "which", str)
+    monkeypatch.setattr(slurm, "_WAITING", ["true"])
+    limits = {"timeout_min": minutes, "signal_delay_s": 120, "max_num_timeout": 0, "cpus_per_task": None}
+    with slurm.watching(SimpleNamespace(submitit_folder=f"{tmp_path}/%j", **limits), threads):
+        pass
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == bool(key)
+    assert all(f"hydra.launcher.{key}=" in line for line in said)

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from cases import call, done, first_of, refused
+from hydra.plugins.sweeper import Sweeper
 from omegaconf import OmegaConf
 
 from epuckhebb.config import alternatives, compose, override_value, readable
@@ -195,6 +196,7 @@ def test_each_job_has_its_own_reason(here, monkeypatch):
 
     monkeypatch.setattr(maze, "evaluate", fail)
     monkeypatch.setattr(sweep.Sweep, "work", staticmethod(refuse))
+    monkeypatch.setattr(Sweeper, "validate_batch_is_legal", pytest.fail)  # it composes all jobs, each in .1 s
     words = ["sweep", "obstacles", "scenario=base,2obstacles,4obstacles", *FAST, "hydra/launcher=basic"]
     assert call(*words).exit_code == 1
     failed = pd.read_csv(only_sweep(here) / "failed.csv").error

@@ -19,6 +19,7 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.core.plugins import Plugins
 from hydra.errors import HydraException
 from hydra.plugins.launcher import Launcher
+from hydra.plugins.sweeper import Sweeper
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import OmegaConfBaseException
@@ -321,7 +322,7 @@ def call(
     entry = hydra.main(config_path=str(data_folder("conf")), config_name=command, version_base=VERSION_BASE)(
         functools.partial(_do, task, errors, os.getpid(), Path.cwd())
     )
-    many = nullcontext() if jobs is None else _launching(jobs)
+    many = nullcontext() if jobs is None else _launching(jobs, command)
     with catalogue(command, config_dir), _set_command_line(command, arguments), many:
         try:
             entry()
@@ -363,8 +364,9 @@ class _Chosen(Launcher):
         words = [
             [*task.overrides, f"hydra.sweep.subdir={quoted(os.path.relpath(task.path, folder))}"] for task in tasks
         ]
-        is_slurm = str(self._config.hydra.launcher._target_).endswith("SlurmLauncher")
-        with slurm.watching(self._config.hydra.launcher.submitit_folder) if is_slurm else nullcontext() as queue:
+        launcher, threads = self._config.hydra.launcher, self._config.get("threads", 1)
+        is_slurm = launcher._target_.endswith("SlurmLauncher")
+        with slurm.watching(launcher, threads) if is_slurm else nullcontext() as queue:
             try:
                 return [done.return_value for done in self._launcher.launch(words, initial_job_idx=0)]
             except (BrokenProcessPool, HydraException, OmegaConfBaseException):
@@ -374,12 +376,19 @@ class _Chosen(Launcher):
                     raise KeyboardInterrupt from error
                 if queue and queue.lost:
                     return [queue.lost.get(place) for place in range(len(tasks))]
+                if queue and queue.is_refused:
+                    choices = [word for word in self._config.hydra.overrides.hydra if "launcher" in word]
+                    text = f"SLURM refuses {' '.join(choices)}: {' '.join(str(error).split())}"
+                    return [ConfigError(text)] * len(tasks)
                 raise LauncherError(f"the launcher stopped: {type(error).__name__}: {error}") from error
 
 
 @contextmanager
-def _launching(jobs: Jobs) -> Iterator[None]:
-    """Let Hydra's own sweeper have a launcher that gets the jobs that are to do, and joblib workers that begin here."""
+def _launching(jobs: Jobs, command: str) -> Iterator[None]:
+    """Let Hydra's own sweeper have a launcher that gets the jobs that are to do, and joblib workers that begin here.
+
+    Hydra would first compose each job once more, to see whether it can be; those of studies are known by their names.
+    """
     instantiate = Plugins.instantiate_launcher
 
     def chosen(self: Plugins, **how: Any) -> Launcher:
@@ -388,7 +397,8 @@ def _launching(jobs: Jobs) -> Iterator[None]:
             raise ConfigError(f"hydra/sweeper must be basic: jobs return no number to {sweeper}")
         return _Chosen(instantiate(self, **how), jobs, how["hydra_context"], how["config"])
 
-    with joblib_workers(), patch.object(Plugins, "instantiate_launcher", chosen):
+    are_legal = patch.object(Sweeper, "validate_batch_is_legal") if command == "study" else nullcontext()
+    with joblib_workers(), are_legal, patch.object(Plugins, "instantiate_launcher", chosen):
         yield
 
 

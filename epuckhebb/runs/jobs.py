@@ -125,7 +125,7 @@ class Jobs:
             for first in range(0, len(missing), AT_ONCE):
                 self._launch(do, missing[first : first + AT_ONCE])
         refused = [task.error for task in missing if isinstance(task.error, ConfigError)]
-        if refused and not any(task.path.exists() for task in missing):
+        if refused and not any(task.mark != task.before for task in missing):
             raise refused[0]
 
     def _launch(self, do: Do, tasks: list[Task]) -> None:

@@ -15,6 +15,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from shutil import which
+from typing import Any
 from unittest.mock import patch
 
 from epuckhebb.runtime import ConfigError, JobFailedError, say
@@ -23,6 +24,7 @@ _AWAY = "it is no longer in the queue"
 _LOOK_S = 15.0  # between two looks at the queue
 _PATIENCE_S = 60.0  # from the end of a job to its result, which comes late on a busy file system
 _ANSWER_S = 60.0  # of a busy controller
+_SHORT_MIN = 10  # submitit takes a signal in the last ten minutes of a job for the end of its time
 # The states of `squeue` from which no job comes back; one that is requeued or held is in none of them.
 _ENDED = {"BOOT_FAIL", "CANCELLED", "COMPLETED", "DEADLINE", "FAILED", "NODE_FAIL", "OUT_OF_MEMORY", "TIMEOUT"}
 _ENDED |= {"PREEMPTED", _AWAY}
@@ -41,17 +43,32 @@ class Queue:
     lost: dict[int, JobFailedError] = field(default_factory=dict)
     _ended: dict[str, float] = field(default_factory=dict)  # when a job without a result was first seen to have ended
     _said: str = ""
+    _before: set[str] = field(default_factory=set)
 
     def __post_init__(self) -> None:
         """Leave out what calls before this one submitted."""
-        self._before = set(self._submitted())
+        self._before.update(self._jobs())
 
-    def _submitted(self) -> list[str]:
-        return [path.parent.name for path in self.folder.glob("*/*_submitted.pkl")]
+    def _jobs(self) -> list[str]:
+        jobs = [path.parent.name for path in self.folder.glob("*/*_submitted.pkl")]
+        return [job for job in jobs if job not in self._before]
+
+    @property
+    def is_refused(self) -> bool:
+        """Whether SLURM has taken no job of this call."""
+        return not self._jobs()
+
+    def clean(self) -> None:
+        """Remove what submitit wrote for jobs that SLURM has not taken; of the others, it has left links."""
+        for file in (*self.folder.glob("*.pkl"), *self.folder.glob(".submission_file_*")):
+            if not file.is_symlink():
+                file.unlink()
+        with suppress(OSError):  # something is in it
+            self.folder.rmdir()
 
     def look(self) -> None:
         """Say what waits, and let submitit end when all jobs without a result are lost."""
-        jobs = [job for job in self._submitted() if job not in self._before]
+        jobs = self._jobs()
         waited = [job for job in jobs if not self._result(job).exists()]
         try:
             asked = subprocess.run(_ASK, capture_output=True, text=True, check=True, timeout=_ANSWER_S).stdout
@@ -96,10 +113,10 @@ def _take_back(folder: Path) -> None:
 
 
 @contextmanager
-def watching(folders: str) -> Iterator[Queue]:
+def watching(launcher: Any, threads: int) -> Iterator[Queue]:
     """Time in which jobs that submitit submits are watched in SLURM's queue, by a thread.
 
-    folders: of the jobs, as submitit has them, as `FOLDER/%j`.
+    launcher: its settings. threads: of a job.
 
     Raises:
         ConfigError: This machine is of no cluster.
@@ -108,7 +125,15 @@ def watching(folders: str) -> Iterator[Queue]:
         raise ConfigError("hydra/launcher=slurm must be called on a SLURM cluster: there is no `srun` here")
     from submitit.slurm.slurm import SlurmInfoWatcher
 
-    folder = Path(folders.partition("%")[0])
+    if launcher.timeout_min <= _SHORT_MIN:
+        say(
+            f"hydra.launcher.timeout_min={launcher.timeout_min}: a job must end {launcher.signal_delay_s} s before it "
+            "(signal_delay_s); one that gives way to another counts as out of time, too, and begins again "
+            f"max_num_timeout={launcher.max_num_timeout} times"
+        )
+    if threads > (cores := launcher.cpus_per_task or 1):
+        say(f"threads={threads} share the cores of a job, hydra.launcher.cpus_per_task={cores}")
+    folder = Path(launcher.submitit_folder.partition("%")[0])
     with suppress(subprocess.SubprocessError):  # the controller is away, for a while
         _take_back(folder)
     queue, is_over = Queue(folder), threading.Event()
@@ -124,3 +149,4 @@ def watching(folders: str) -> Iterator[Queue]:
             yield queue
     finally:
         is_over.set()
+        queue.clean()
