@@ -260,7 +260,7 @@ def _evolved(world, seed, generations, *words):
     scenario, *changes = world.split("+")
     shared = [f"scenario={scenario}", f"change={changes}", f"seed={seed}", f"ga.generations={generations}"]
     config = load(EvolveConfig, [*shared, *words])
-    config.algorithm = Counted(**asdict(config.algorithm))
+    config = replace(config, ga=Counted(**asdict(config.ga)))
     prepared = prepare_evolution(config)
     prepared.compile()
     hours = contacts = 0.0

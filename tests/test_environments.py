@@ -981,7 +981,6 @@ def test_what_is_compared_has_the_name_and_the_settings_of_a_run_of_its_own():
         (["environment.loops=3"], "environment.loops"),
         (["environment.changes=[{at: 5, length: 2, length: 3}]"], "environment.changes"),
         (["compare.x={rule: oja, N: 1e-3, N: 1e-2}"], "compare.x"),
-        (["environment.named.foo=3"], "environment.named.foo"),
     ],
 )
 @pytest.mark.usefixtures("here")
@@ -989,6 +988,11 @@ def test_what_would_do_nothing_is_refused(words, text):
     said = refused("evaluate", "environment=cartpole", "genome=x.npz", *words)
     assert text in said
     assert f"mean {text}" not in said
+
+
+@pytest.mark.usefixtures("here")
+def test_a_named_change_is_a_list_of_changes():
+    assert "environment.named" in refused("evolve", "environment=cartpole", "environment.named.foo=3")
 
 
 def test_an_environment_that_goes_elsewhere_takes_no_result_along(here):

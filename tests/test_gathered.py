@@ -191,8 +191,9 @@ class Unreadable(Rule):
 
 
 def test_a_rule_of_which_a_part_cannot_be_read_has_lifetimes_that_are_known():
-    config = typed(composed("evaluate", []), EvaluateConfig)
-    config.controllers = [Controller(name="odd", rule=Unreadable(N=0.1))]
+    config = replace(
+        typed(composed("evaluate", []), EvaluateConfig), tested=[Controller(name="odd", rule=Unreadable(N=0.1))]
+    )
     found = evaluate.PreparedEvaluation(config=config, genome=load_genome("reference", "obstacles")).lifetime_ids
     assert list(found) == ["GA", "odd"]
 

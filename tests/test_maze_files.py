@@ -94,7 +94,6 @@ GONE = object()
         ("niches", [{"along": "x"}], r"maze\.niches\[0\]\.walls is missing"),
         ("start.heading", 1.57, r"maze\.start\.heading is no key of .* Did you mean heading_deg\?"),
         ("start.x", -0.08, r"maze\.start = -0\.08, -0\.35: there is no room"),
-        ("name", 1, r"maze\.name: .* 1"),
     ],
 )
 def test_wrong_mazes_are_refused(key, value, message):

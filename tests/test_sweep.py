@@ -17,7 +17,8 @@ from hydra.plugins.sweeper import Sweeper
 from omegaconf import OmegaConf
 
 from epuckhebb.config import alternatives, compose, override_value, readable
-from epuckhebb.config.schema import EvaluateConfig, value_as_declared
+from epuckhebb.config.schema import EvaluateConfig
+from epuckhebb.config.values import converted, kinds_of
 from epuckhebb.runs import hydra, maze
 from epuckhebb.runtime import ConfigError
 from epuckhebb.runtime.conf import groups
@@ -346,17 +347,19 @@ def test_threads_do_not_multiply_with_the_width(monkeypatch):
 
 @pytest.mark.parametrize(
     ("key", "value", "expected"),
-    [("seed", 3, 3), ("seed", "3", 3), ("genome", 7, "7"), ("threads", 0, 0)],
+    [("seed", 3, 3), ("genome", 7, "7"), ("threads", 0, 0)],
 )
 def test_a_value_alone_has_the_declared_type(key, value, expected):
-    found = value_as_declared(key, value, "evaluate")
+    found = converted(key, value, kinds_of(EvaluateConfig)[key])
     assert (type(found), found) == (type(expected), expected)
 
 
-@pytest.mark.parametrize(("key", "value"), [("seed", 2.5), ("seed", True), ("seed", None), ("genome", {"a": 1})])
+@pytest.mark.parametrize(
+    ("key", "value"), [("seed", 2.5), ("seed", "3"), ("seed", True), ("seed", None), ("genome", {"a": 1})]
+)
 def test_a_value_alone_of_another_type_is_refused(key, value):
     with pytest.raises(ConfigError, match=key):
-        value_as_declared(key, value, "evaluate")
+        converted(key, value, kinds_of(EvaluateConfig)[key])
 
 
 @pytest.mark.parametrize(

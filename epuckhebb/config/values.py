@@ -133,7 +133,7 @@ def converted(where: str, value: object, kind: Any) -> Any:
     if kind is str and isinstance(value, int | float):  # a name of digits
         return str(value)
     try:
-        result = msgspec.convert(value, kind)
+        result = msgspec.convert(value, kind, dec_hook=lambda other, text: other(text))  # as Path, of a study
     except (msgspec.ValidationError, TypeError) as error:
         reason, _, place = str(error).partition(" - at `$")
         reason = _EXPECTED.sub(lambda found: f"it must be {_KINDS.get(found[1].strip(), found[1])}", reason)

@@ -98,6 +98,8 @@ class LiveWorld:
         """Let something change before the next step, or raise a ValueError; wishes before that step are joined."""
         if self.is_over:
             raise ValueError("this life has ended; begin a new one")
+        if "at_s" in values:
+            raise ValueError(f"at_s is no wish: it acts before the next step, got {values['at_s']!r}")
         joined = {**self.wishes, **values}
         if isinstance(values.get("lamp"), Mapping):
             joined["lamp"] = {**self.wishes.get("lamp", {}), **values["lamp"]}

@@ -141,11 +141,11 @@ def _picture(env: Any) -> Any:
 
 def _not_drawn(world: Any, error: Exception) -> str:
     """Why an environment cannot be drawn, and what a film needs of it."""
-    place = world.settings.id
-    if ".py:" not in place:
+    place, entry = world.settings.id, world.make.entry
+    if entry is None:
         hint = "MuJoCo without a screen needs MUJOCO_GL=osmesa or egl"
         return f"environment={world.name} cannot be drawn: {error}; {hint}"
-    options = inspect.signature(world.make.entry).parameters
+    options = inspect.signature(entry).parameters
     takes = "render_mode" in options or any(option.kind is option.VAR_KEYWORD for option in options.values())
     why = error if takes else "it takes no render_mode"
     return (

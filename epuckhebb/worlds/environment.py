@@ -63,7 +63,7 @@ class Environment:
     step_s: float = within(0, above=True, default=0.02)
     changes: list[Any] = field(default_factory=list)
     change: str | None = None
-    named: dict[str, Any] = field(default_factory=dict)
+    named: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
     hidden: list[int] = field(default_factory=lambda: [16])
     population: int = within(1, default=32)
     generations: int = within(1, default=60)
