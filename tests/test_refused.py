@@ -80,7 +80,7 @@ evolve task=reversal task.trails=3                      | task.trails
 evolve optimizer=sep_cma_es optimizer.elites=2          | optimizer.elites
 reproduce sound                                         | sound | light, obstacles, all
 sweep nope                                              | nope | n_sweep
-sweep light scenario=nope                               | scenario/nope | 4obstacles
+sweep light scenario=nope                               | scenario=nope | 4obstacles
 keys hebian                                             | hebbian
 # keys of another verb, and what does nothing
 evaluate training.light=1                               | training.light
@@ -110,13 +110,13 @@ evaluate scenario.light=1e308                           | scenario.light | 1e+06
 evaluate scenario.lamp.intensity=1e308                  | scenario.lamp.intensity
 evaluate scenario.second_lamp=[0,0,1e308]               | scenario.second_lamp
 evaluate robot.motor_limit_rad_s=0.5                    | lifetime.gain_rad_s | robot.motor_limit_rad_s
-evaluate hebbian.N=0,002                                | hebbian.N=0,002 | -m
+evaluate hebbian.N=0,002                                | hebbian.N=0,002
 evaluate scenario.obstacles=2.5                         | scenario.obstacles | 2.5
 evaluate repeats=0                                      | repeats
 evaluate seed=null                                      | seed
 evaluate hebbian.signal=joy                             | joy | light_code
-evaluate hebbian=null                                   | hebbian=null
-evaluate lifetime=null                                  | lifetime=null
+evaluate hebbian=null                                   | hebbian
+evaluate lifetime=null                                  | lifetime
 evaluate ~hebbian=inf                                   | ~hebbian=inf
 evaluate -q --cfg=job ~scenario=1.5                     | ~scenario=1.5
 evaluate hebbian.N                                      | hebbian.N | KEY=VALUE
@@ -224,10 +224,10 @@ evaluate scenario=misspelt --config-dir=conf            | scenario.ligth
 evaluate scenario=in_words --config-dir=conf            | scenario.light
 evaluate scenario=from_none --config-dir=conf           | scenario/from_none | 2obstacle
 evaluate scenario=too_deep --config-dir=conf            | scenario.scenario
-evaluate scenario=number --config-dir=conf              | scenario=number
+evaluate scenario=number --config-dir=conf              | scenario/number
 evaluate scenario=dotted --config-dir=conf              | lamp: {{x_m: ...}}
 sweep no_package --config-dir=conf                      | experiment/no_package | _global_
-sweep text --config-dir=conf                            | scenario | defaults
+sweep text --config-dir=conf                            | experiment=text
 sweep pattern --config-dir=conf                         | scenario=glob(*)
 sweep alone --config-dir=conf                           | alone | evaluate
 # files of the user's: rules

@@ -79,6 +79,8 @@ def parse_arrays(content: bytes) -> dict[str, NDArray[Any]]:
     loaded = np.load(io.BytesIO(content), allow_pickle=False)
     if isinstance(loaded, np.ndarray):
         return {"genome": loaded}
+    if twice := sorted({name for name in loaded.files if loaded.files.count(name) > 1}):
+        raise ValueError(f"it holds two arrays of the name {twice[0]}")
     return dict(loaded)
 
 
