@@ -407,7 +407,7 @@ def test_a_figure_of_returns_has_a_panel_for_each_world_and_a_row_for_each_rate(
     assert [label.get_text() for label in drawn.axes[0].get_yticklabels()] == ["abcd, N = 0.1", "abcd, N = 0.2"]
 
 
-@pytest.mark.parametrize("budget", ["legs", "legs_300"])
+@pytest.mark.parametrize("budget", ["legs", "legs_300", "legs_fresh"])
 def test_effects_of_the_committed_champions_are_the_committed_ones(budget):
     read = partial(pd.read_csv, keep_default_na=False, na_values=["nan"])
     champions = read(REFERENCE / budget / "champions.csv").assign(environment="halfcheetah")

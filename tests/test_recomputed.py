@@ -243,7 +243,7 @@ def test_evolve_or_adapt():
     assert np.sort(read("evolve_or_adapt/tests").p_holm) == pytest.approx(steps)
 
 
-@pytest.mark.parametrize("budget", ["legs", "legs_300"])
+@pytest.mark.parametrize("budget", ["legs", "legs_300", "legs_fresh"])
 def test_legs(budget):
     """The twelve effects on HalfCheetah, and their p values, from the table by champion."""
     after = read(f"{budget}/champions").dropna().set_index(["change", "controller", "genome"]).sort_index().return_after

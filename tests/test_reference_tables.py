@@ -122,7 +122,7 @@ def test_anti_hebbian(committed):
     committed("anti_hebbian/effects", told.assign(**dict(zip(("d_low", "d_high"), np.transpose(ends), strict=True))))
 
 
-@pytest.mark.parametrize("budget", ["legs", "legs_300"])
+@pytest.mark.parametrize("budget", ["legs", "legs_300", "legs_fresh"])
 def test_legs(budget, committed):
     """The effects, and the ends of the intervals of returns; the rest of the summary is of all lifetimes."""
     champions, told = (
