@@ -229,7 +229,7 @@ def foraging():
 
 def legs():
     """The sentence of run 5, by its plan."""
-    rows = pd.read_csv(REFERENCE / "legs_fresh" / "effects.csv").query("change == 'weak_leg'").set_index("is_paired")
+    rows = pd.read_csv(REFERENCE / "legs_fresh" / "effects.csv").set_index(["change", "is_paired"])
     means = pd.read_csv(REFERENCE / "legs_fresh" / "summary.csv").query("change == 'weak_leg'").set_index("controller")
     rule, frozen, plain = (
         f"{row.return_after:.0f} [{row.return_after_low:.0f}, {row.return_after_high:.0f}]"
@@ -237,13 +237,15 @@ def legs():
             means.loc[name] for name in ("normalised", "normalised (frozen at the change)", "without plasticity")
         )
     )
-    learning = rows.loc[True]
+    learning, other = rows.loc["weak_leg", True], rows.loc["weak_front_leg", True]
     assert 5 * learning.p < 0.05  # so the other four primary tests cannot change the verdict
     return (
         f"- When a joint of HalfCheetah [dies](docs/any_world.md#halfcheetah-with-a-dead-joint), an evolved rule "
         f"**learns after the change**: thirty new champions return {rule}, with weights frozen at that moment {frozen} "
         f"({learning.effect:+.0f} [{learning.effect_low:+.0f}, {learning.effect_high:+.0f}], p = {learning.p:.2g}, the "
-        f"primary test), thirty without a rule {plain}.\n"
+        f"primary test), thirty without a rule {plain}. The joint died in their evolution, too; for "
+        f"another one it is {other.effect:+.0f} [{other.effect_low:+.0f}, {other.effect_high:+.0f}] (description). The "
+        f"gain is nearly whole within 100 steps: the rule helps by going on.\n"
     )
 
 

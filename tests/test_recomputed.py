@@ -262,6 +262,17 @@ def test_legs(budget):
     assert np.sort(rows.p_holm) == pytest.approx(steps)
 
 
+def test_the_course_of_the_legs_says_when_the_gain_is_there():
+    course = read("legs_fresh/course").set_index(["change", "controller"])
+    sums = 100 * course[course.until_step > 500].groupby(["change", "controller"]).reward.sum()
+    told = read("legs_fresh/summary").set_index(["change", "controller"]).return_after
+    pd.testing.assert_series_equal(sums.sort_index(), told.sort_index(), check_names=False)
+    rule, frozen = (course.loc["weak_leg", name] for name in ("normalised", "normalised (frozen at the change)"))
+    gain = pd.Series(rule.reward.to_numpy() - frozen.reward.to_numpy(), rule.until_step)
+    assert gain.loc[:500].eq(0).all()
+    assert gain.loc[[600, 1000]].round(2).tolist() == [0.16, 0.18]
+
+
 def test_foraging():
     """The eleven differences and their p values, and the means of methods, from the table by champion and season."""
     seasons, rows = read("foraging/seasons"), read("foraging/differences")

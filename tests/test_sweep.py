@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -18,7 +19,7 @@ from omegaconf import OmegaConf
 
 from epuckhebb.config import alternatives, compose, override_value, readable
 from epuckhebb.config.schema import EvaluateConfig
-from epuckhebb.config.values import converted, kinds_of
+from epuckhebb.config.values import converted, field_types
 from epuckhebb.runs import hydra, maze
 from epuckhebb.runtime import ConfigError
 from epuckhebb.runtime.conf import groups
@@ -350,8 +351,12 @@ def test_threads_do_not_multiply_with_the_width(monkeypatch):
     [("seed", 3, 3), ("genome", 7, "7"), ("threads", 0, 0)],
 )
 def test_a_value_alone_has_the_declared_type(key, value, expected):
-    found = converted(key, value, kinds_of(EvaluateConfig)[key])
+    found = converted(key, value, field_types(EvaluateConfig)[key])
     assert (type(found), found) == (type(expected), expected)
+
+
+def test_a_study_may_have_a_path():
+    assert (converted("where", "a/b", Path), converted("where", None, Path | None)) == (Path("a/b"), None)
 
 
 @pytest.mark.parametrize(
@@ -359,7 +364,7 @@ def test_a_value_alone_has_the_declared_type(key, value, expected):
 )
 def test_a_value_alone_of_another_type_is_refused(key, value):
     with pytest.raises(ConfigError, match=key):
-        converted(key, value, kinds_of(EvaluateConfig)[key])
+        converted(key, value, field_types(EvaluateConfig)[key])
 
 
 @pytest.mark.parametrize(

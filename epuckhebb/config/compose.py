@@ -13,7 +13,7 @@ from epuckhebb.config.overrides import OF_ENVIRONMENT, check_words, hydra_argume
 from epuckhebb.config.resolve import resolve
 from epuckhebb.config.schema import SCHEMAS, Config, plain, typed
 from epuckhebb.config.source import search_folders
-from epuckhebb.config.values import Plain, converted, declared, kinds_of
+from epuckhebb.config.values import Plain, converted, declared, field_types
 from epuckhebb.runtime import ConfigError, working
 
 _ALONE = ("genome", "seed", "repeats", "threads")  # keys on which nothing else in a configuration depends, unless:
@@ -84,7 +84,7 @@ def configurations(
     def alone_as_declared(override: str) -> Plain:
         """A key and its value, of the type that the schema declares."""
         ((key, value),) = values_of([override]).items()
-        return {key: converted(key, value, kinds_of(SCHEMAS[command])[key])}
+        return {key: converted(key, value, field_types(SCHEMAS[command])[key])}
 
     # In an environment, rule and network are those of the genome's evolution.
     keys = [key for key in _ALONE if key != "genome" or OF_ENVIRONMENT not in command]

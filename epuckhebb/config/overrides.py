@@ -21,7 +21,7 @@ from omegaconf.errors import OmegaConfBaseException
 from epuckhebb.adaptation.adaptation import NONE, Adaptation
 from epuckhebb.config.plugins import object_text
 from epuckhebb.config.schema import SCHEMAS, literal
-from epuckhebb.config.values import kinds_of, without_none
+from epuckhebb.config.values import field_types, without_none
 from epuckhebb.controller.own_class import OwnClass
 from epuckhebb.runtime import ConfigError, conf, data_folder, did_you_mean
 from epuckhebb.runtime.yaml_file import check_keys, check_numbers
@@ -140,7 +140,7 @@ def schema_keys(command: str) -> dict[str, Any]:
 
 
 def _keys_below(schema: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
-    for key, kind in kinds_of(schema).items():
+    for key, kind in field_types(schema).items():
         yield f"{prefix}{key}", kind
         if is_dataclass(inner := without_none(kind)):
             yield from _keys_below(inner, f"{prefix}{key}.")

@@ -32,7 +32,7 @@ _INFINITE = (math.inf, -math.inf)
 
 
 @functools.cache
-def kinds_of(kind: Any) -> dict[str, Any]:
+def field_types(kind: Any) -> dict[str, Any]:
     """The types of the fields of a dataclass by their names, not to be changed."""
     hints = get_type_hints(kind)
     return {field.name: hints[field.name] for field in fields(kind) if field.init and field.metadata.get("key", True)}
@@ -41,7 +41,7 @@ def kinds_of(kind: Any) -> dict[str, Any]:
 def default_values(kind: Any) -> Plain:
     """The defaults of a dataclass as plain values, without fields that have none."""
     defaults = {}
-    for field in (one for one in fields(kind) if one.name in kinds_of(kind)):
+    for field in (one for one in fields(kind) if one.name in field_types(kind)):
         if field.default_factory is not MISSING:
             defaults[field.name] = plain_value(field.default_factory())
         elif field.default is not MISSING:
@@ -52,7 +52,7 @@ def default_values(kind: Any) -> Plain:
 def plain_value(value: Any) -> Any:
     """A value as YAML has it: a dataclass as its settings, a member of an enum as its name."""
     if is_dataclass(value):
-        return {name: plain_value(getattr(value, name)) for name in kinds_of(cast(Any, type(value)))}
+        return {name: plain_value(getattr(value, name)) for name in field_types(cast(Any, type(value)))}
     return value.name if isinstance(value, Enum) else value
 
 
@@ -70,7 +70,7 @@ def make(kind: Any, values: Mapping[str, Any]) -> Any:
             return make(inner, value)
         return inner[value] if isinstance(inner, EnumType) and value is not None else value
 
-    return kind(**{name: made(without_none(kinds_of(kind)[name]), value) for name, value in values.items()})
+    return kind(**{name: made(without_none(field_types(kind)[name]), value) for name, value in values.items()})
 
 
 def part_settings(kind: Any, given: object, key: str, owner: str, **others: Any) -> dict[str, Any]:
@@ -83,7 +83,7 @@ def part_settings(kind: Any, given: object, key: str, owner: str, **others: Any)
         for field in fields(kind)
         if not (field.default is field.default_factory is MISSING)
     }
-    return record(key, given, {**kinds_of(kind), **others}, defaults, owner)
+    return record(key, given, {**field_types(kind), **others}, defaults, owner)
 
 
 def record(
