@@ -68,11 +68,12 @@ def test_workers_of_an_earlier_call_do_not_work_in_its_folder(tmp_path, monkeypa
 
 @pytest.mark.slurm
 @pytest.mark.filterwarnings("default")  # submitit warns that this cluster keeps no accounts
-@pytest.mark.parametrize("launcher", ["submitit_slurm", "slurm"])
-def test_three_jobs_on_slurm(here, monkeypatch, launcher):
-    table = sweep_on(launcher, here, "hydra.launcher.mem_gb=1")
-    submitted = {path.name.partition("_")[0] for path in (here / "out" / ".submitit").glob("[0-9]*")}
-    assert len(submitted) == 1, submitted  # one array of three jobs
+@pytest.mark.parametrize(("launcher", "batch"), [("submitit_slurm", 1), ("slurm", 2)])
+def test_three_jobs_on_slurm(here, monkeypatch, launcher, batch):
+    table = sweep_on(launcher, here, "hydra.launcher.mem_gb=1", f"--batch={batch}")
+    submitted = [path.name for path in (here / "out" / ".submitit").glob("[0-9]*")]
+    assert len(submitted) == {1: 3, 2: 2}[batch]
+    assert len({name.partition("_")[0] for name in submitted}) == 1, submitted  # one array
     monkeypatch.chdir(here / "out")
     assert sweep_on("basic", here / "out") == table
 

@@ -110,7 +110,8 @@ def test_a_job_that_cannot_be_done_is_one_message_and_writes_nothing_outside(her
     assert list(here.rglob("outside.csv")) == []
 
 
-def test_a_killed_worker_costs_its_job_alone_and_a_job_may_go_elsewhere(here):
+@pytest.mark.parametrize("batch", [1, 3])
+def test_a_killed_worker_costs_its_job_alone_and_a_job_may_go_elsewhere(here, batch):
     (here / "mine.py").write_text(
         "import os\nimport signal\nimport pandas as pd\nfrom epuckhebb import Study\n\n\nclass Mine(Study):\n"
         "    def plan(self):\n        return [{'number': number} for number in range(6)]\n\n"
@@ -118,7 +119,8 @@ def test_a_killed_worker_costs_its_job_alone_and_a_job_may_go_elsewhere(here):
         "        if job['number'] == 1:\n            os.kill(os.getpid(), signal.SIGKILL)\n"
         "        return {'numbers': pd.DataFrame([job])}\n"
     )
-    told = call("sweep", "mine.py:Mine", "hydra/launcher=joblib", "hydra.launcher.n_jobs=2", "hydra.sweep.dir=out")
+    words = ["hydra/launcher=joblib", "hydra.launcher.n_jobs=2", "hydra.sweep.dir=out", f"--batch={batch}"]
+    told = call("sweep", "mine.py:Mine", *words)
     assert told.exit_code == 1
     assert "1 of 6 jobs" in told.stderr
     done_jobs = [pd.read_csv(file).number[0] for file in (here / "out").glob("job_*/numbers.csv")]

@@ -27,7 +27,7 @@ from epuckhebb.runtime.resources import data_folder
 from epuckhebb.store import provenance
 from epuckhebb.store.genome import load_genome
 from epuckhebb.store.run import Run
-from epuckhebb.studies import leaderboard, sweep
+from epuckhebb.studies import leaderboard, study, sweep
 
 FAST = ["lifetime.duration_s=3", "repeats=2"]
 TWO = ["scenario=base,4obstacles", *FAST]
@@ -203,6 +203,38 @@ def test_each_job_has_its_own_reason(here, monkeypatch):
     assert call(*words).exit_code == 1
     failed = pd.read_csv(only_sweep(here) / "failed.csv").error
     assert [one.rpartition(": ")[2] for one in failed] == ["the robot is lost", "the table is empty"]
+
+
+def test_jobs_that_share_a_start_have_their_own_reasons_and_leave_the_same_tables(here, monkeypatch):
+    """The second of three fails in a start of two; then a start begins again after its end, as SLURM's may."""
+    words, starts, work, do = ["sweep", "obstacles", *FAST, "hydra/launcher=basic"], [], sweep.Sweep.work, study._do_job
+
+    def fail(path, job, facts):
+        starts.append(hydra.output_folder())
+        if "scenario=2obstacles" in job["overrides"]:
+            raise ArithmeticError("the robot is lost")
+        work(path, job, facts)
+
+    def do_twice(attempt, run):
+        do(attempt, run)
+        attempt.mkdir()
+        do(attempt, run)
+
+    three = "scenario=base,2obstacles,4obstacles"
+    monkeypatch.setattr(sweep.Sweep, "work", staticmethod(fail))
+    assert call(*words, three, "--batch", "2").exit_code == 1
+    assert [starts.index(start) for start in starts] == [0, 0, 2]
+    folder = only_sweep(here)
+    assert list(pd.read_csv(folder / "failed.csv").error) == ["ArithmeticError: the robot is lost"]
+    monkeypatch.setattr(sweep.Sweep, "work", work)
+    monkeypatch.setattr(study, "_do_job", do_twice)
+    done(*words, three, "--batch", "2")
+    monkeypatch.undo()
+    os.chdir(here)
+    done(*words, three, "hydra.sweep.dir=alone")
+    assert read_tables(folder) == read_tables(here / "alone")
+    assert len(list(folder.glob("job_*"))) == 3
+    assert not (folder / "unfinished").exists()
 
 
 @pytest.mark.usefixtures("failing")

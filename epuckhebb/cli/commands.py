@@ -105,8 +105,8 @@ def print_run(command: str, path: Path, output: Output) -> None:
     )
 
 
-def run_study(planned: "Planned", output: Output, *, dry_run: bool = False) -> None:
-    """Run a study and print its results; with `dry_run` list its jobs."""
+def run_study(planned: "Planned", output: Output, *, dry_run: bool = False, batch: int = 1) -> None:
+    """Run a study and print its results; with `dry_run` list its jobs. batch: how many jobs one start does."""
     from epuckhebb.cli import show
     from epuckhebb.studies.jobs import todo
     from epuckhebb.studies.study import conduct
@@ -126,7 +126,7 @@ def run_study(planned: "Planned", output: Output, *, dry_run: bool = False) -> N
         jobs = {"command": planned.study.command, "folder": str(folder), "jobs": listed}
         output.print(lambda: jobs, lambda console: show.print_jobs(jobs, console))
         return
-    outcome = conduct(planned)
+    outcome = conduct(planned, batch)
     facts = {"command": planned.study.command, "folder": str(folder), **outcome.as_json()}
     kind = type(planned.study)
     output.print(lambda: show.as_json(folder) | facts, lambda console: show.print_results(folder, console, kind))
@@ -300,6 +300,9 @@ def sweep(
     name: Annotated[str, typer.Argument(metavar="NAME", hidden=True)],
     overrides: Overrides = None,
     dry_run: DryRun = False,
+    batch: Annotated[
+        int, typer.Option("--batch", metavar="N", min=1, help="Jobs that one start does, for short ones.  [1]")
+    ] = 1,
     *,
     options: StudyOptions,
 ) -> None:
@@ -309,7 +312,7 @@ def sweep(
 
     config_dir, words = options.config_dir, resolve_genomes(overrides)
     planned = plan_user_study(name, words) if ".py:" in name else plan(name, words, config_dir)
-    run_study(planned, options, dry_run=dry_run)
+    run_study(planned, options, dry_run=dry_run, batch=batch)
 
 
 @app.command(cls=Command)

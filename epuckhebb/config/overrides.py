@@ -20,7 +20,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.adaptation.adaptation import NONE, Adaptation
 from epuckhebb.config.plugins import object_text
-from epuckhebb.config.schema import SCHEMAS, literal
+from epuckhebb.config.schema import SCHEMAS
 from epuckhebb.config.values import field_types, without_none
 from epuckhebb.controller.own_class import OwnClass
 from epuckhebb.runtime import ConfigError, conf, data_folder, did_you_mean
@@ -155,7 +155,7 @@ def quoted(text: str) -> str:
     """A text as the value of an override that means just this text: a `${` in it refers to nothing."""
     if _PLAIN.fullmatch(text):
         return text
-    text = literal(text)
+    text = re.sub(r"(\\*)\$\{", lambda found: 2 * found[1] + "\\${", text)
     escaped = re.sub(r'(\\*)("|$)', lambda found: 2 * found[1] + found[2].replace('"', '\\"'), text)
     return f'"{escaped}"'
 

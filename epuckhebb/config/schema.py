@@ -6,7 +6,6 @@ that a user can bring (a rule, a maze, a robot) are open here, and checked when 
 """
 
 import functools
-import re
 from collections.abc import Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields, make_dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeVar, cast
@@ -29,7 +28,7 @@ from epuckhebb.evolution.evolve import evolved_plan
 from epuckhebb.evolution.optimizer import Algorithm, Schedule
 from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.evolution.training import Training
-from epuckhebb.runtime import ConfigError, refusing
+from epuckhebb.runtime import ConfigError, refusing, yaml_file
 from epuckhebb.tmaze.individual import GA_ALONE, Controller
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.own_fitness import IN_MAZE, PAPER_FITNESS
@@ -88,8 +87,7 @@ def plain(cfg: DictConfig) -> Plain:
 
 def dump(config: Checked) -> str:
     """The YAML that a run folder keeps of a configuration: all of its settings, every reference resolved."""
-    values = config.values
-    return OmegaConf.to_yaml(OmegaConf.create(literal(values) if "${" in str(values) else values), resolve=True)
+    return yaml_file.dump(config.values)
 
 
 # A scenario has the keys of `Scenario`, but for other groups, and for what only changes during a lifetime set.
@@ -329,12 +327,3 @@ def make_config(values: Plain, schema: type[Config], source: str = "") -> Config
     with refusing():
         config: Config = make(schema, values)
     return config
-
-
-def literal(value: Any) -> Any:
-    """Plain values in which OmegaConf takes a `${` to the letter: nothing in them is left to be resolved."""
-    if isinstance(value, str):
-        return re.sub(r"(\\*)\$\{", lambda found: 2 * found[1] + "\\${", value)
-    if isinstance(value, dict):
-        return {key: literal(inner) for key, inner in value.items()}
-    return [literal(inner) for inner in value] if isinstance(value, list) else value

@@ -44,7 +44,7 @@ from epuckhebb.config.compose import composed_with_hydra
 from epuckhebb.config.resolve import resolve
 from epuckhebb.config.source import search_folders
 from epuckhebb.runs import slurm
-from epuckhebb.runs.jobs import Jobs, LauncherError, Task, names_of_overrides
+from epuckhebb.runs.jobs import Jobs, LauncherError, Task, batches, names_of_overrides
 from epuckhebb.runtime import (
     ConfigError,
     JobFailedError,
@@ -53,6 +53,7 @@ from epuckhebb.runtime import (
     is_interruption,
     is_of_handler,
     leaving,
+    reason_of_failure,
     refusing,
     thread_count,
 )
@@ -300,7 +301,7 @@ def _do(task: Callable[[Any], None], errors: list[Exception], parent: int, folde
     except Exception as error:
         if is_interruption(error):
             raise KeyboardInterrupt from error
-        failure = JobFailedError(_LIMIT if is_of_handler(error) else f"{type(error).__name__}: {error}")
+        failure = JobFailedError(_LIMIT if is_of_handler(error) else reason_of_failure(error))
     else:
         return None
     errors.append(failure)
@@ -358,11 +359,18 @@ class _Chosen(Launcher):
         HydraConfig.instance().set_config(config)
         return str(config.hydra.sweep.subdir)
 
-    def _do(self, tasks: Sequence[Task]) -> list[Exception | None]:
+    def _do(self, tasks: list[Task]) -> list[Exception | None]:
         """Launch some; returns the error of each."""
+        starts = batches(tasks, self._jobs.batch)
+        errors = self._start(starts)
+        return [error for start, error in zip(starts, errors, strict=True) for _ in start]
+
+    def _start(self, starts: Sequence[Sequence[Task]]) -> Sequence[Exception | None]:
+        """Give the launcher what it starts, each one job or several; returns the error of each start."""
         folder = self._config.hydra.sweep.dir
         words = [
-            [*task.overrides, f"hydra.sweep.subdir={quoted(os.path.relpath(task.path, folder))}"] for task in tasks
+            [*self._jobs.join(tasks), f"hydra.sweep.subdir={quoted(os.path.relpath(tasks[0].path, folder))}"]
+            for tasks in starts
         ]
         launcher, threads = self._config.hydra.launcher, self._config.get("threads", 1)
         is_slurm = launcher._target_.endswith("SlurmLauncher")
@@ -375,11 +383,11 @@ class _Chosen(Launcher):
                 if is_interruption(error):
                     raise KeyboardInterrupt from error
                 if queue and queue.lost:
-                    return [queue.lost.get(place) for place in range(len(tasks))]
+                    return [queue.lost.get(place) for place in range(len(starts))]
                 if queue and queue.is_refused:
                     choices = [word for word in self._config.hydra.overrides.hydra if "launcher" in word]
                     text = f"SLURM refuses {' '.join(choices)}: {' '.join(str(error).split())}"
-                    return [ConfigError(text)] * len(tasks)
+                    return [ConfigError(text)] * len(starts)
                 raise LauncherError(f"the launcher stopped: {type(error).__name__}: {error}") from error
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from epuckhebb.runtime import ConfigError, JobFailedError, counting, say
 from epuckhebb.store import STATUS, Run, is_locked
 
-AT_ONCE = 1000  # jobs that a launcher gets at a time: as many as SLURM takes in one array (its MaxArraySize is 1001)
+AT_ONCE = 1000  # starts that a launcher gets at a time: as many as SLURM takes in one array (its MaxArraySize is 1001)
 _NAMED = 3  # jobs that a message names
 
 
@@ -93,17 +93,27 @@ class Task:
 
 Do = Callable[[list[Task]], Sequence[Exception | None]]
 Plan = Callable[[Sequence[Sequence[str]], Callable[[int], str]], list[Task]]
+Join = Callable[[Sequence[Task]], Sequence[str]]
+
+
+def _alone(tasks: Sequence[Task]) -> Sequence[str]:
+    """The overrides of a start that does one job."""
+    (task,) = tasks
+    return task.overrides
 
 
 class Jobs:
     """All jobs of a call."""
 
-    def __init__(self, plan: Plan, *, says_counts: bool = True) -> None:
+    def __init__(self, plan: Plan, *, batch: int = 1, join: Join = _alone, says_counts: bool = True) -> None:
         """Know no job yet.
 
-        plan: gives the tasks of jobs that Hydra's sweeper lists by their overrides. says_counts: say how many are done.
+        plan: gives the tasks of jobs that Hydra's sweeper lists by their overrides. batch: how many jobs a start of the
+        launcher does, one after the other. join: gives the overrides of such a start. says_counts: say how many are
+        done.
         """
-        self.plan, self.says_counts, self.tasks, self._trouble = plan, says_counts, list[Task](), ""
+        self.plan, self.batch, self.join, self.says_counts = plan, batch, join, says_counts
+        self.tasks, self._trouble = list[Task](), ""
 
     def launch(self, do: Do, listed: Sequence[Sequence[str]], subdir: Callable[[int], str]) -> None:
         """Do the jobs that are listed, but for those that are done or at work.
@@ -122,8 +132,8 @@ class Jobs:
             done = states.count(State.done)
             say(f"{len(tasks)} jobs, {done} done before, {working}{len(missing)} to do.")
         with counting(len(missing), _ends(missing)):
-            for first in range(0, len(missing), AT_ONCE):
-                self._launch(do, missing[first : first + AT_ONCE])
+            for some in batches(missing, AT_ONCE * self.batch):
+                self._launch(do, some)
         refused = [task.error for task in missing if isinstance(task.error, ConfigError)]
         if refused and not any(task.mark != task.before for task in missing):
             raise refused[0]
@@ -159,6 +169,11 @@ class Jobs:
     def failures(self) -> list[tuple[Task, str]]:
         """The jobs that are not done, and why."""
         return [(task, task.reason(self._trouble)) for task in self.tasks if task.state is not State.done]
+
+
+def batches(tasks: list[Task], size: int) -> list[list[Task]]:
+    """The tasks in their order, in lists of a size; the last may be shorter."""
+    return [tasks[first : first + size] for first in range(0, len(tasks), size)]
 
 
 def failure_text(failures: Sequence[tuple[str, str]], total: int) -> str:

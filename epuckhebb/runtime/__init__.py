@@ -21,6 +21,7 @@ from epuckhebb.runtime.errors import (
     is_of_handler,
     leaving,
     open_folders,
+    reason_of_failure,
     refusing,
 )
 from epuckhebb.runtime.progress import bar, be_quiet, compiling, counting, say, working

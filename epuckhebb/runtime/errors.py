@@ -106,6 +106,11 @@ def is_interruption(error: BaseException) -> bool:
     return isinstance(error, KeyboardInterrupt) or (_asked.is_set() and isinstance(error, Exception))
 
 
+def reason_of_failure(error: BaseException) -> str:
+    """Why work failed, for a user: a message of the program's, or that of another error behind its kind."""
+    return str(error) if isinstance(error, ConfigError | JobFailedError) else f"{type(error).__name__}: {error}"
+
+
 def is_of_handler(error: BaseException) -> bool:
     """Whether an error was raised by the handler of a signal, as that with which SLURM's jobs are put back in line."""
     handlers = {getattr(signal.getsignal(number), "__code__", None) for number in signal.valid_signals()}

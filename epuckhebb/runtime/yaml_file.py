@@ -1,4 +1,4 @@
-"""Reads YAML files, and refuses one in which something does not mean what it says, or which grows when it is read.
+"""Reads and writes YAML, and refuses a file in which something does not mean what it says, or which grows when read.
 
 YAML reads a plain 010 as 8, 1:30 as 90 and 0x10 as 16, and the command line reads 010 as 10 and 1_0 as 10. A few lines
 of aliases, each of ten others, stand for more values than a memory holds: values are counted before any is made.
@@ -16,6 +16,7 @@ from epuckhebb.runtime.resources import data_folder
 
 MOST_VALUES = 10_000  # of a file
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_DUMPER: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 _NUMBER = r"[-+]?(0[\d_]+(\.[\d_]*)?|0[xob][\da-fA-F_]+|\d+_[\d_]*(\.[\d_]*)?|[\d_]+(:[\d_]+)+(\.[\d_]*)?)"
 _MANY_READINGS = re.compile(rf"{_NUMBER}(e[-+]?\d+)?", re.IGNORECASE)
 _FLOAT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)$|\.\d+$", re.IGNORECASE)  # which YAML 1.1 reads as text
@@ -48,6 +49,28 @@ _Loader.yaml_implicit_resolvers = {
     for first, resolvers in _LOADER.yaml_implicit_resolvers.items()
 }
 _Loader.add_implicit_resolver("tag:yaml.org,2002:float", _FLOAT, list("-+.0123456789"))
+
+
+class _Dumper(_DUMPER):  # type: ignore[misc]
+    """Quotes a text that any reader of YAML may take for a number or a switch."""
+
+    def represent_text(self, text: str) -> Any:
+        """A text, in quotes where it needs them."""
+        try:
+            float(text)
+        except ValueError:
+            style = "'" if text.lower() in ("y", "n") else None
+        else:
+            style = "'"
+        return self.represent_scalar(_TEXT, text, style)
+
+
+_Dumper.add_representer(str, _Dumper.represent_text)
+
+
+def dump(values: Any) -> str:
+    """Plain values as the text of a YAML file, in their order."""
+    return str(yaml.dump(values, Dumper=_Dumper, sort_keys=False, allow_unicode=True))
 
 
 def check_number(text: str, where: str) -> None:

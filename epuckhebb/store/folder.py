@@ -10,11 +10,19 @@ from secrets import token_hex
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Union
 
-import yaml
 from filelock import BaseFileLock
 
 from epuckhebb.analysis.tables import Rows
-from epuckhebb.runtime import ConfigError, JobFailedError, is_interruption, is_of_handler, open_folders, say
+from epuckhebb.runtime import (
+    ConfigError,
+    JobFailedError,
+    is_interruption,
+    is_of_handler,
+    open_folders,
+    reason_of_failure,
+    say,
+    yaml_file,
+)
 from epuckhebb.store import disk
 from epuckhebb.store.disk import CONFIG, MULTIRUN, OVERRIDES, PROVENANCE, SCHEMA, STATUS, as_json
 from epuckhebb.store.lock import LOCK, PATIENCE_S, claim, is_locked, lock, release
@@ -166,11 +174,11 @@ class RunFolder:
             elif is_of_handler(error):
                 self._interrupted()  # the launcher has asked for it, and must hear of it
             elif isinstance(error, Exception | SystemExit):  # a user's own part may even leave Python
+                reason, text = reason_of_failure(error), "".join(traceback.format_exception(error))
                 with suppress(OSError):  # on a full disk the error itself matters
-                    text = "".join(traceback.format_exception(error))
-                    self._write_status("failed", error=str(error), traceback=text)
+                    self._write_status("failed", error=reason, traceback=text)
                 if not isinstance(error, (ConfigError, JobFailedError)):
-                    raise JobFailedError(f"{self.path}: {type(error).__name__}: {error}") from error
+                    raise JobFailedError(f"{self.path}: {reason}") from error
         finally:
             release(self._lock)
 
@@ -178,7 +186,7 @@ class RunFolder:
         """Write down what runs here: its state first, and `provenance.json`, by which a run is known, after that."""
         self._write_status("running")
         if overrides is not None:
-            self.write(OVERRIDES, yaml.safe_dump(overrides, allow_unicode=True))
+            self.write(OVERRIDES, yaml_file.dump(overrides))
         if config is not None:
             self.write(CONFIG, config)
         self.write(PROVENANCE, as_json(facts))

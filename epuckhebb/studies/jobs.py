@@ -77,11 +77,13 @@ def split(command: str, arguments: Sequence[str]) -> tuple[list[str], list[str]]
     return [argument for argument in arguments if argument not in hydras], hydras
 
 
-def launch(study: RunFolder, name: str, jobs: Sequence[Job], launcher: list[str], do: Callable[[Any], None]) -> Outcome:
+def launch(
+    study: RunFolder, name: str, jobs: Sequence[Job], launcher: list[str], do: Callable[[Any], None], batch: int
+) -> Outcome:
     """Do the jobs that are not done, on any launcher of Hydra's.
 
     study: its folder. name: of the study, which every job is given. launcher: the overrides that set it up. do: a
-    function at the top of a module that does one of them.
+    function at the top of a module that does one or several of them. batch: how many jobs one start does.
     """
     folder, stamp = study.path, hydra.new_stamp()
     missing = todo(folder, jobs)
@@ -100,13 +102,16 @@ def launch(study: RunFolder, name: str, jobs: Sequence[Job], launcher: list[str]
             Task(
                 name=job.purpose or words or job.run,
                 overrides=override,
-                path=folder / UNFINISHED / f"{stamp}_{number}",
+                path=folder / UNFINISHED / f"{stamp}_{job.run}",
                 result=folder / job.run,
             )
-            for number, (job, words, override) in enumerate(zip(missing, names, listed, strict=True))
+            for job, words, override in zip(missing, names, listed, strict=True)
         ]
 
-    tasks = Jobs(plan, says_counts=False)  # only what is missing
+    def join(tasks: Sequence[Task]) -> list[str]:
+        return [f"job=[{','.join(task.result.name for task in tasks)}]"]
+
+    tasks = Jobs(plan, batch=batch, join=join, says_counts=False)  # only what is missing
     if missing:
         sweep_dir = f"{SWEEP_DIR}{quoted(str(folder.absolute()))}"  # a worker may have been started elsewhere
         names = f"job={','.join(job.run for job in missing)}"

@@ -7,12 +7,12 @@ import json
 import re
 import shutil
 from collections.abc import Mapping, Sequence
+from contextlib import chdir
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import pandas as pd
-import yaml
 
 from epuckhebb.analysis.tables import Table, pictures
 from epuckhebb.config import (
@@ -32,7 +32,18 @@ from epuckhebb.config import (
 )
 from epuckhebb.runs import hydra
 from epuckhebb.runs.jobs import failure_text
-from epuckhebb.runtime import ConfigError, JobFailedError, conf, refusing, say, user_path
+from epuckhebb.runtime import (
+    ConfigError,
+    JobFailedError,
+    conf,
+    is_interruption,
+    is_of_handler,
+    reason_of_failure,
+    refusing,
+    say,
+    user_path,
+    yaml_file,
+)
 from epuckhebb.store import STATUS, Run, RunFolder, as_json, digest, fingerprint, write_atomic
 from epuckhebb.studies.jobs import JOBS, LIST, Job, Outcome, launch, split, todo
 
@@ -128,7 +139,7 @@ class Study(Checked):
         """Do a job in the folder that it is given."""
         config = job["config"]
         code = own_files({"study": cls.reference, **config})
-        text = yaml.safe_dump(config, sort_keys=False)
+        text = yaml_file.dump(config)
         words = job["overrides"]
         with RunFolder.resume(path, cls.command, text, words, facts, code, overrides=words) as run:
             for name, table in cls.do(config).items():
@@ -212,8 +223,10 @@ def plan_user_study(reference: str, arguments: list[str]) -> Planned:
         raise ConfigError(f"sweep {reference}: {type(error).__name__}: {error}") from error
 
 
-def conduct(planned: Planned) -> Outcome:
+def conduct(planned: Planned, batch: int = 1) -> Outcome:
     """Do the jobs that are missing, one stage after the other, then write tables, figures and page.
+
+    batch: how many jobs a start of the launcher does, one after the other.
 
     Raises:
         JobFailedError: A job failed, and the study writes nothing of the others.
@@ -228,7 +241,7 @@ def conduct(planned: Planned) -> Outcome:
         for what, stage in planned.stages:
             missing = len(todo(folder.path, stage))
             say(f"{what}: {len(stage)} jobs, {len(stage) - missing} done before, {missing} to do.")
-            outcome = launch(folder, study.reference, stage, planned.launcher, study_job)
+            outcome = launch(folder, study.reference, stage, planned.launcher, study_job, batch)
             if outcome.failures and not study.reports_failures:
                 raise JobFailedError(f"{what}: {planned.failure(outcome)}")
         study.report(folder, planned, outcome)
@@ -237,23 +250,33 @@ def conduct(planned: Planned) -> Outcome:
 
 
 def study_job(cfg: Any) -> None:
-    """Do one job of a study, in the process that the launcher gives it.
+    """Do jobs of a study one after the other, in the process that the launcher gives them.
 
-    cfg: what Hydra knows of the job: its name. The study's `run_name` must still give this name. Its `work` gets a
-    folder, which is renamed afterwards, and facts for `provenance.json`.
+    cfg: what Hydra knows of them: their names. The study's `run_name` must still give this name. Its `work` gets a
+    folder, which is renamed afterwards, and facts for `provenance.json`. A job that fails leaves its reason there, and
+    the next one is done.
     """
-    attempt = hydra.output_folder()
-    try:
-        _do_job(attempt, str(cfg.job))
-    except Exception as error:
-        if attempt.is_dir() and not Run(attempt).recorded_status:  # its reason is its own, whatever other jobs say
-            write_atomic(attempt / STATUS, as_json({"state": "failed", "error": str(error)}))
-        raise
+    first, (*runs,) = hydra.output_folder(), map(str, cfg.job)
+    stamp = first.name.removesuffix(runs[0])
+    for run in runs:
+        attempt = first.with_name(f"{stamp}{run}")
+        attempt.mkdir(parents=True, exist_ok=True)
+        try:
+            with chdir(Path.cwd()):  # a part of the user's may go elsewhere
+                _do_job(attempt, run)
+        except Exception as error:
+            if is_interruption(error) or is_of_handler(error):
+                raise
+            if not Run(attempt).recorded_status:
+                write_atomic(attempt / STATUS, as_json({"state": "failed", "error": reason_of_failure(error)}))
 
 
 def _do_job(attempt: Path, run: str) -> None:
     """Do a job in the folder of an attempt, and rename this into its place among the results."""
     folder = attempt.parents[1]
+    if Run(folder / run).is_whole:  # the start has begun again, on a cluster
+        attempt.rmdir()
+        return
     listed = Run(folder).json(LIST)
     study, job = find_study(listed["name"]), Run(folder).json(f"{JOBS}/{run}.json")
     if study.run_name(job["config"]) != run:
