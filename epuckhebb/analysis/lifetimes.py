@@ -104,11 +104,11 @@ def _brought(evaluations: Sequence[Evaluated]) -> list[str]:
     keys = [key for key in every if not key.startswith(left_out)]
     for run in evaluations:
         typed = tuple(sorted((k, str(v)) for k, v in run.settings.items() if k not in ("genome", *_NO_CONDITION)))
-        names = run.rows.controller.unique()
+        world, names = _world_name(run), run.rows.controller.unique()
         for key in keys:
             value = str(run.config.get(key, ""))
             for name in names if is_of_controller(key) else [""]:
-                if first.setdefault((typed, _world_name(run), name, key), value) != value:
+                if first.setdefault((typed, world, name, key), value) != value:
                     brought[key] = None
     return list(brought)
 
