@@ -71,7 +71,7 @@ def test_workers_of_an_earlier_call_do_not_work_in_its_folder(tmp_path, monkeypa
 @pytest.mark.parametrize(("launcher", "batch"), [("submitit_slurm", 1), ("slurm", 2)])
 def test_three_jobs_on_slurm(here, monkeypatch, launcher, batch):
     table = sweep_on(launcher, here, "hydra.launcher.mem_gb=1", f"--batch={batch}")
-    submitted = [path.name for path in (here / "out" / ".submitit").glob("[0-9]*")]
+    submitted = [path.name for path in (here / "out" / ".submitit").glob("[0-9]*_*")]
     assert len(submitted) == {1: 3, 2: 2}[batch]
     assert len({name.partition("_")[0] for name in submitted}) == 1, submitted  # one array
     monkeypatch.chdir(here / "out")
