@@ -12,7 +12,6 @@ from datetime import datetime
 from pathlib import Path
 from secrets import token_hex
 from typing import Any, NamedTuple
-from unittest.mock import patch
 
 import hydra
 from hydra.core.hydra_config import HydraConfig
@@ -397,6 +396,8 @@ def _launching(jobs: Jobs, command: str) -> Iterator[None]:
 
     Hydra would first compose each job once more, to see whether it can be; those of studies are known by their names.
     """
+    from unittest.mock import patch  # which loads asyncio: one run needs neither
+
     instantiate = Plugins.instantiate_launcher
 
     def chosen(self: Plugins, **how: Any) -> Launcher:

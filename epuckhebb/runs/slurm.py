@@ -16,7 +16,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from shutil import which
 from typing import Any
-from unittest.mock import patch
 
 from epuckhebb.runtime import ConfigError, JobFailedError, say
 
@@ -123,6 +122,8 @@ def watching(launcher: Any, threads: int) -> Iterator[Queue]:
     """
     if which("srun") is None:
         raise ConfigError("hydra/launcher=slurm must be called on a SLURM cluster: there is no `srun` here")
+    from unittest.mock import patch
+
     from submitit.slurm.slurm import SlurmInfoWatcher
 
     if launcher.timeout_min <= _SHORT_MIN:
