@@ -36,7 +36,7 @@ METHODS = {
     "no_numbers": f"champions_of: tiny\nevolve: {{hebbian: oja, {EVOLVED}}}",
     "in_a_test": f"evolve: {{scenario: 4obstacles, {EVOLVED}}}",
     "no_twin": f"evolve: {{hebbian: modulated, {EVOLVED}}}",
-    "wrong_key": "evolves: {optimizer: ga}",
+    "wrong_key": f"evolve: {{{EVOLVED}}}\nevolves: {{optimizer: ga}}",
     "wrong_value": "evolve: ga",
     "nothing": "matched_control: tiny",
     "its_own_twin": f"evolve: {{hebbian: modulated, {EVOLVED}}}\nmatched_control: its_own_twin",

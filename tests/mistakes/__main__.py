@@ -44,10 +44,13 @@ def test() -> int:
     changed = subprocess.run(["git", "diff", "--name-only"], capture_output=True, text=True, check=True).stdout.split()
     modules = [Path(name).stem for name in changed]
 
-    def nearness(file: Path) -> tuple[bool, int]:
-        return any(module in file.stem for module in modules), sum(
-            len(re.findall(rf"\b{module}\b", file.read_text())) for module in modules
-        )
+    def count(text: str) -> int:
+        return sum(len(re.findall(rf"\b{module}\b", text)) for module in modules)
+
+    def nearness(file: Path) -> tuple[int, int, int]:
+        text = file.read_text()
+        imports = [line for line in text.splitlines() if line.startswith(("from", "import"))]
+        return count(file.stem.replace("_", " ")), count(" ".join(imports)), count(text)
 
     files = sorted(Path("tests").glob("test_*.py"), key=nearness, reverse=True)
     near = [Path("tests/test_digest.py"), *(file for file in files[:_NEAR] if any(nearness(file)))]
