@@ -41,11 +41,12 @@ def test() -> int:
 
     Most mistakes are noticed there, in seconds; one that no test notices takes as long as the suite.
     """
-    changed = subprocess.run(["git", "diff", "--name-only"], capture_output=True, text=True, check=True).stdout.split()
-    modules = [Path(name).stem for name in changed]
+    changed = subprocess.run(["git", "diff"], capture_output=True, text=True, check=True).stdout
+    names = re.findall(r"^\+\+\+ .*?(\w+)\.py$|^@@ .* @@ (?:def|class) (\w+)", changed, re.MULTILINE)
+    about = re.compile(rf"\b({'|'.join(filter(None, sum(names, ())))})\b")  # the module, and the function or class
 
     def count(text: str) -> int:
-        return sum(len(re.findall(rf"\b{module}\b", text)) for module in modules)
+        return len(about.findall(text))
 
     def nearness(file: Path) -> tuple[int, int, int]:
         text = file.read_text()
