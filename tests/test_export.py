@@ -167,6 +167,13 @@ def test_what_the_controller_for_webots_does_not_do_is_refused(word, wanted):
     assert wanted in refused("export", "run", "--webots", "-o", "c")
 
 
+def test_a_champion_of_another_robot_is_named_by_it(here):
+    small = ["ga.population=6", "ga.generations=2", "ga.elites=2", "ga.loops=1", "lifetime.duration_s=3"]
+    done("evolve", "robot=epuck_lidar", *small, "scenario.paper_duration_s=10", "figures=none", "hydra.run.dir=evolved")
+    assert "evolved is for robot epuck_lidar; only epuck" in refused("export", "evolved", "--webots", "-o", "c")
+    assert not (here / "c").exists()
+
+
 def test_what_the_files_for_webots_leave_out_is_named():
     """Each setting of a scenario is in the files, or named where it differs from the paper's."""
     broken = {"left_slip": 0.3, "dead_sensors": (3,), "distance_gain": 0.5, "right_wheel": 0.8, "mass_ratio": 2.0}

@@ -6,6 +6,9 @@ import sys
 
 import pytest
 from cases import done, first_of, refused
+from matplotlib.figure import Figure
+
+from epuckhebb.analysis import charts
 
 SHORT = ["scenario=4obstacles", "lifetime.duration_s=8", "repeats=1", "-q"]
 GA = ["ga.population=6", "ga.generations=2", "ga.elites=2", "ga.loops=1", "lifetime.duration_s=3", "-q"]
@@ -42,6 +45,13 @@ def test_a_figure_is_drawn_again(runs, name, run):
     written = done("figure", runs / run, name, "--format", "pdf", "--width", "180").stdout.strip()
     assert written == str(runs / run / "figures" / f"{name}.pdf")
     assert (runs / run / "figures" / f"{name}.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_weights_are_those_of_the_controller_that_learns(runs, here, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(charts, "weights", lambda *shown: drawn.append(shown) or Figure())
+    done("figure", runs / "evaluated", "weights", "-o", here / "weights.png")
+    assert [title.partition(" in ")[0] for *_, title in drawn] == ["Hebbian"]
 
 
 def test_settings_of_matplotlib_change_nothing(runs, here):

@@ -234,6 +234,7 @@ def test_any_maze_robot_and_network():
     world = Scenario(maze=CORRIDOR, robot=RAYS)
     data = content(replay.page(traces, genes, world, "title", gain_rad_s=1.0, network=network))
     assert data["layers"] == [25, 7, 5, 8, 4, 2]
+    assert data["speed"] == pytest.approx(100 * 1.0 * RAYS.wheel_radius_m)  # cm/s
     assert len(data["initial"]) == network.synapses
     assert len(unpacked(data["lifetimes"]["left"][1]["change"])) == data["samples"] * network.synapses
     robot, maze = data["robot"], data["maze"]
