@@ -20,7 +20,15 @@ from PIL import Image, ImageSequence
 
 import epuckhebb
 from epuckhebb.analysis import charts
-from epuckhebb.analysis.environments import effects, lifetime_course, readable, readable_effects, table, unreached
+from epuckhebb.analysis.environments import (
+    effects,
+    lifetime_course,
+    readable,
+    readable_effects,
+    table,
+    tables,
+    unreached,
+)
 from epuckhebb.config import load_any
 from epuckhebb.controller.controller import Controller
 from epuckhebb.controller.genome import make_plan
@@ -445,6 +453,16 @@ def test_means_after_a_change_are_over_the_lifetimes_that_reached_it(after, mean
     assert len(unreached(rows)) == (reached < 0.9 * row.lifetimes)
     cell = readable(rows).rows[0][3]
     assert (f"({reached} of {row.lifetimes})" in cell) == (0 < reached < row.lifetimes)
+
+
+def test_tables_over_texts_are_those_over_numbers():
+    """A sweep keeps the numbers of its lifetimes as they stand in their files."""
+    rows = lifetimes(one=[4.0, np.nan, 8.0, 6.0], two=[1.0] * 4).assign(environment="cartpole", change="x")
+    texts = rows.map(lambda value: "" if pd.isna(value) else str(value)).astype(str)
+    told, expected = (tables(some, ["environment"]) for some in (texts, rows))
+    assert list(expected["summary"].reached) == [7]
+    for name, frame in expected.items():
+        pd.testing.assert_frame_equal(told[name], frame)
 
 
 def test_effects_leave_out_champions_that_did_not_reach_the_change():

@@ -262,6 +262,18 @@ def test_legs(budget):
     assert np.sort(rows.p_holm) == pytest.approx(steps)
 
 
+def test_counts_of_lifetimes_are_at_most_all_of_them():
+    counted = [
+        (table.lifetimes - table[name]).min()
+        for file in REFERENCE.rglob("*.csv")
+        if "lifetimes" in (table := pd.read_csv(file, low_memory=False))
+        for name in ("reached", "recovered")
+        if name in table
+    ]
+    assert len(counted) >= 2
+    assert min(counted) == 0
+
+
 def test_the_course_of_the_legs_says_when_the_gain_is_there():
     course = read("legs_fresh/course").set_index(["change", "controller"])
     sums = 100 * course[course.until_step > 500].groupby(["change", "controller"]).reward.sum()

@@ -14,6 +14,7 @@ from epuckhebb.worlds.environment import Lived
 
 _RETURNS = ("return", "return_before", "return_after")
 _MEANS = (*_RETURNS, "steps", "recovery_steps", "weight_change_mean", "saturated_fraction")
+_NUMBERS = ("N", "reached", *_MEANS)  # which a sweep keeps as text, as they stand in the file
 _WORLD = ("environment", "change")
 _BINS = 50  # of a lifetime, in `lifetime.csv`
 _ENOUGH = 0.9  # share of the lifetimes that reach a change, below which a note says so
@@ -50,7 +51,7 @@ def table(metrics: pd.DataFrame, by: Sequence[str] = ("controller", "N")) -> pd.
     champion they are over its lifetimes, and about the noise alone. Means after a change are over the lifetimes that
     reached it; `reached` counts them.
     """
-    metrics = metrics.assign(**{name: pd.to_numeric(metrics[name]) for name in ("N", *_MEANS)})
+    metrics = metrics.assign(**{name: pd.to_numeric(metrics[name]) for name in _NUMBERS})
     rows: list[dict[str, Any]] = []
     for condition, group in metrics.groupby(list(by), sort=False, dropna=False):
         champions = group.genome.nunique()
