@@ -104,6 +104,16 @@ def test_the_reward_is_given_for_the_last_second_at_an_end(recorded):
     assert outcome.steps == first < 60 / 0.032
 
 
+@pytest.mark.thorough
+def test_wheels_that_lag_begin_each_trial_at_rest():
+    """A network whose weights are 0 never moves."""
+    scenario = Scenario(task=Reversal(trials=3, time_out_s=2.0), lamp=Lamp(intensity=0.0), mass_ratio=2.0)
+    still = Individual(genes=np.zeros(REWARDED.synapses), side="left", key=np.uint64(9), network=REWARDED, record=True)
+    ((outcome, samples),) = run_lifetimes([still], scenario, Lifetime(duration_s=10, record_every=1))
+    assert len(outcome.trials) == 3
+    assert (samples.pose == scenario.maze.start).all()
+
+
 def test_each_trial_begins_at_the_start_at_rest(recorded):
     outcome, samples = recorded
     begins = np.cumsum(outcome.trials["steps"] + 31)[:-1]
