@@ -330,10 +330,11 @@ def test_foraging_lifespans():
             assert (row.over_plain_low, row.over_plain_high) == pytest.approx(again, abs=0.001)
 
 
-def test_anti_hebbian():
+@pytest.mark.parametrize("run", ["anti_hebbian", "anti_hebbian_reached"])
+def test_anti_hebbian(run):
     """Both rates, gains, and Cohen's d with its interval, from the table by network."""
-    gains, rates = read("anti_hebbian/gains"), read("anti_hebbian/rates")
-    for row in read("anti_hebbian/effects").itertuples():
+    gains, rates = read(f"{run}/gains"), read(f"{run}/rates")
+    for row in read(f"{run}/effects").itertuples():
         own = gains[(gains.world == row.world) & (gains.change == row.change)]
         tried = rates[(rates.world == row.world) & (rates.change == row.change)].set_index(["sign", "rate"]).gain
         assert (tried["hebbian"].idxmax(), tried["anti"].idxmax()) == (row.rate_hebbian, row.rate_anti)

@@ -113,13 +113,14 @@ def test_evolve_or_adapt(committed):
         committed(f"evolve_or_adapt/{name}", table)
 
 
-def test_anti_hebbian(committed):
-    told, gains = read("anti_hebbian/effects"), read("anti_hebbian/gains").groupby(["world", "change"], sort=False)
+@pytest.mark.parametrize("run", ["anti_hebbian", "anti_hebbian_reached"])
+def test_anti_hebbian(committed, run):
+    told, gains = read(f"{run}/effects"), read(f"{run}/gains").groupby(["world", "change"], sort=False)
     ends = []
     for _, own in gains:
         hebb, anti = own.gain_hebbian.to_numpy(), own.gain_anti.to_numpy()
         ends.append(bootstrap(mean, (anti - hebb) / np.sqrt((hebb.var(ddof=1) + anti.var(ddof=1)) / 2)))
-    committed("anti_hebbian/effects", told.assign(**dict(zip(("d_low", "d_high"), np.transpose(ends), strict=True))))
+    committed(f"{run}/effects", told.assign(**dict(zip(("d_low", "d_high"), np.transpose(ends), strict=True))))
 
 
 @pytest.mark.parametrize("budget", ["legs", "legs_300", "legs_fresh"])
