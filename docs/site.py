@@ -15,6 +15,7 @@ import yaml
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
+import epuckhebb
 from epuckhebb.cli.keys import key_files, keys_text
 
 ROOT, PAGES = Path(__file__).parents[1], Path(__file__).parent
@@ -23,34 +24,15 @@ REPORTS = [REFERENCE / "README.md", *sorted(REFERENCE.rglob("report.md"))]
 LINK = re.compile(r"(?P<text>\[[^]]*\])\((?P<target>[^)#\s]+)(?P<place>#[^)]*)?\)")
 PICTURE = re.compile(r"!\[[^]]*\]\(([^)#]+)[^)]*\)")
 IMG = re.compile(r'<img src="([^"]+)" alt="([^"]*)">')
+NAMES = sorted(epuckhebb.__all__, key=lambda name: (not name.islower(), name))  # functions first
 API = """# Python reference
 
 ::: epuckhebb.api
-    options:
-      show_root_heading: false
-      show_root_toc_entry: false
-      members: [evaluate, evolve, sweep, load]
-
-::: epuckhebb.api.results.Evaluation
-
-::: epuckhebb.api.results.Evolution
-
-::: epuckhebb.api.results.Live
-
-::: epuckhebb.api.controller.Controller
-
-::: epuckhebb.controller.plasticity.rule.Rule
-
-::: epuckhebb.controller.plasticity.rule.Evolved
-
-::: epuckhebb.controller.plasticity.rules.paper.Paper
-
-::: epuckhebb.adaptation.adaptation.Adaptation
-
-::: epuckhebb.tmaze.life.Lifetime
-
-::: epuckhebb.evolution.optimizers.ga.GA
-"""
+    options: {members: false, show_root_heading: false, show_root_toc_entry: false}
+""" + "".join(
+    f"\n::: {thing.__module__}.{thing.__qualname__}\n    options: {{heading: {name}, toc_label: {name}}}\n"
+    for name, thing in ((name, getattr(epuckhebb, name)) for name in NAMES)
+)
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:

@@ -439,7 +439,8 @@ def test_which_end_is_chance():
     said = re.search(
         r"in (\d+) of 220 trials, to the \*wrong\* goal in (\d+) "
         r"\((\S+) of two sides, 90 % \[(\S+), (\S+)\], p = (\S+)\)"
-        r"\. Without plasticity it is (\d+) and (\d+), with random changes of this size (\d+) and (\d+)\. (\d+) of 110 "
+        r"\. Without plasticity it is not: (\d+) and (\d+) \((\S+) \[(\S+), (\S+)\]; the rule less this, looked at "
+        r"afterwards: (\S+) \[(\S+), (\S+)\]\)\. With random changes of this size it is (\d+) and (\d+)\. (\d+) of 110 "
         r"champions are right on both sides; by chance (\S+) would be",
         README,
     )
@@ -448,9 +449,13 @@ def test_which_end_is_chance():
     assert numbers[2] == pytest.approx(less.mean(), abs=0.005)
     assert numbers[3:5] == pytest.approx([low, high], abs=0.02)
     assert numbers[5] == pytest.approx(p, abs=0.02)
-    assert numbers[8:10] == pytest.approx([sum(drawn[:5]) / 5, sum(drawn[5:]) / 5], abs=0.5)
-    assert numbers[10] == both.all(axis=1).sum()
-    assert numbers[11] == pytest.approx(both.left.sum() * both.right.sum() / 110, abs=0.05)
+    alone = ((ends["GA"] == "right").astype(int) - (ends["GA"] == "wrong")).groupby("genome").sum()
+    for place, values in ((8, alone), (11, less - alone)):
+        low, high = np.percentile(CHANCE.choice(values, (20_000, 110)).mean(axis=1), [2.5, 97.5])
+        assert numbers[place : place + 3] == pytest.approx([values.mean(), low, high], abs=0.02)
+    assert numbers[14:16] == pytest.approx([sum(drawn[:5]) / 5, sum(drawn[5:]) / 5], abs=0.5)
+    assert numbers[16] == both.all(axis=1).sum()
+    assert numbers[17] == pytest.approx(both.left.sum() * both.right.sum() / 110, abs=0.05)
 
 
 def test_the_rule_among_obstacles():
