@@ -198,7 +198,9 @@ def stopping():
         verdict = f"the rule rescues {'more' if effect > 0 else 'less'} than random changes do"
     yoked = pd.read_csv(REFERENCE / "stopping_yoked" / "ends.csv").set_index(["scenario", "controller", "among"])
     of_its_size = yoked.loc["4obstacles", CONTROL, "broken"]
-    rule, paper = ([int(count[end][name].sum()) for end in count] for name in ("Hebbian", "Hebbian_0.000015"))
+    rule, paper, anti = (
+        [int(count[end][name].sum()) for end in count] for name in ("Hebbian", "Hebbian_0.000015", "anti")
+    )
     random = [sum(count[end][draw].sum() for draw in draws) / len(draws) for end in count]
     return (
         f"- **Among four obstacles, in three dimensions: {verdict}.** Of {whole.sum()} broken trials of "
@@ -206,7 +208,7 @@ def stopping():
         f"chosen on other champions, shuffled signs at theirs in {random[0]:.1f} and {random[1]:.1f}: right less wrong "
         f"differs by {effect:+.2f} a champion [{low:+.2f}, {high:+.2f}], p = {p:.2g}. At the paper's N it is "
         f"{paper[0]} and {paper[1]}; random changes as large as the rule's, at its chosen N, end right in "
-        f"{of_its_size.right:.1f} and wrong in {of_its_size.wrong:.1f}.\n"
+        f"{of_its_size.right:.1f} and wrong in {of_its_size.wrong:.1f}, its opposite sign in {anti[0]} and {anti[1]}.\n"
     )
 
 

@@ -476,7 +476,8 @@ def test_the_rule_among_obstacles():
         r"Of (\d+) broken trials of (\d+) champions the rule ends right in (\d+) and wrong in (\d+) at .*, "
         r"shuffled signs at theirs in (\S+) and (\S+): right less wrong differs by (\S+) a champion "
         r"\[(\S+), (\S+)\], p = (\S+)\. At the paper's N it is (\d+) and (\d+); "
-        r"random changes as large as the rule's, at its chosen N, end right in (\S+) and wrong in (\S+)\.\n",
+        r"random changes as large as the rule's, at its chosen N, end right in (\S+) and wrong in (\S+), "
+        r"its opposite sign in (\d+) and (\d+)\.\n",
         README,
     )
     counts = {name: [(end == which).sum() for which in ("right", "wrong")] for name, end in ends.items()}
@@ -487,7 +488,8 @@ def test_the_rule_among_obstacles():
     assert numbers[6:9] == pytest.approx([difference.mean(), low, high], abs=0.02)
     assert numbers[9] == pytest.approx(p, abs=0.02)
     assert numbers[10:12] == counts["Hebbian_0.000015"]
-    assert numbers[12:] == pytest.approx(np.mean([counts[f"yoked_sign_{draw}"] for draw in range(5)], axis=0), abs=0.05)
+    yoked = np.mean([counts[f"yoked_sign_{draw}"] for draw in range(5)], axis=0)
+    assert numbers[12:] == pytest.approx([*yoked, *counts["anti"]], abs=0.05)
 
 
 ROWS = {  # of the tables of results.md, with their controllers in the sweeps
