@@ -3,6 +3,7 @@
 import logging
 import os
 import pickle
+from contextlib import suppress
 from types import SimpleNamespace
 
 import pytest
@@ -108,3 +109,19 @@ def test_a_short_limit_and_too_few_cores_are_said(tmp_path, monkeypatch, capsys,
     said = capsys.readouterr().err.splitlines()
     assert len(said) == bool(key)
     assert all(f"hydra.launcher.{key}=" in line for line in said)
+
+
+@pytest.mark.parametrize("ended", [["7_0"], ["7_0", "7_1", "7_2"]])
+def test_what_goes_on_after_an_interruption_is_said_with_how_to_end_it(queue, tmp_path, monkeypatch, capsys, ended):
+    pytest.importorskip("submitit")
+    monkeypatch.setattr(slurm, "which", str)
+    monkeypatch.setattr(slurm, "_WAITING", ["true"])
+    jobs = {job.name: job.rename(tmp_path / job.name) for job in queue.folder.iterdir()}
+    launcher = SimpleNamespace(submitit_folder=f"{queue.folder}/%j", timeout_min=60, cpus_per_task=1)
+    with suppress(KeyboardInterrupt), slurm.watching(launcher, 1) as watched:
+        for name, job in jobs.items():  # submitted now
+            job.rename(queue.folder / name)
+        for job in ended:
+            end(watched, job)
+        raise KeyboardInterrupt
+    assert ("scancel 7" in capsys.readouterr().err) == (len(ended) < 3)

@@ -57,6 +57,11 @@ class Queue:
         """Whether SLURM has taken no job of this call."""
         return not self._jobs()
 
+    @property
+    def going(self) -> list[str]:
+        """The arrays of jobs that have left no result yet."""
+        return sorted({job.partition("_")[0] for job in self._jobs() if not self._result(job).exists()})
+
     def clean(self) -> None:
         """Remove what submitit wrote for jobs that SLURM has not taken; of the others, it has left links."""
         for file in (*self.folder.glob("*.pkl"), *self.folder.glob(".submission_file_*")):
@@ -148,6 +153,10 @@ def watching(launcher: Any, threads: int) -> Iterator[Queue]:
     try:
         with patch.object(SlurmInfoWatcher, "_make_command", return_value=None):
             yield queue
+    except KeyboardInterrupt:
+        if going := " ".join(queue.going):
+            say(f"SLURM job {going} goes on, and the same command takes over; `scancel {going}` ends it")
+        raise
     finally:
         is_over.set()
         queue.clean()
