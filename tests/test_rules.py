@@ -1,5 +1,7 @@
 """Plasticity rules from outside the program: they run, evolve, are stored, and fail with their names."""
 
+import importlib
+import pkgutil
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -12,6 +14,7 @@ from epuckhebb.config.parts import part_class
 from epuckhebb.controller.evolved import Evolved
 from epuckhebb.controller.genome import make_plan
 from epuckhebb.controller.network import Network, split_layers
+from epuckhebb.controller.plasticity import rules
 from epuckhebb.controller.plasticity.rule import Rule, coefficients
 from epuckhebb.evolution.optimizer import initial
 from epuckhebb.evolution.optimizers.ga import GA, next_generation
@@ -88,6 +91,16 @@ def test_evolved_parameters_of_the_programs_rules_start_and_end_where_they_shoul
     rule = part_class("rule", name, "hebbian")
     for parameter, evolved in [*rule.evolved.items(), *rule.with_reward.items()]:
         assert (evolved.start, evolved.limit) == others.get(parameter, (start, limit)), parameter
+
+
+@pytest.mark.parametrize("name", [module.name for module in pkgutil.iter_modules(rules.__path__)])
+def test_defaults_of_the_programs_rules_in_python_may_be_given(name):
+    made = [
+        kind()  # which refuses a value out of its range
+        for kind in vars(importlib.import_module(f"{rules.__name__}.{name}")).values()
+        if isinstance(kind, type) and issubclass(kind, Rule) and kind.__module__.endswith(f".{name}")
+    ]
+    assert made
 
 
 def test_evolved_parameters_are_parts_of_the_genome():
