@@ -247,6 +247,9 @@ def test_an_evolution_counts_once_and_only_when_it_is_finished():
     Path("many/4/status.json").write_text(json.dumps(status | {"state": "interrupted"}))
     with pytest.raises(ValueError, match=r"many/4 .* interrupted; resume it with: epuckhebb evolve resume=many/4"):
         epuckhebb.compare({"a": ["many/0", "many/4"]})
+    evaluate = ["evaluate", "lifetime.duration_s=0.064", "repeats=1", "figures=none"]
+    for number, is_said in ((0, False), (4, True)):
+        assert (f"evolve resume=many/{number}" in done(*evaluate, f"genome=many/{number}").stderr) == is_said
     Path("many/5/status.json").write_text("{}")
     told = done(
         "evolve", "-m", "seed=7,7", *TINY[:5], *BRIEF, "hydra.sweep.dir=many", "hydra.sweep.subdir=more${hydra.job.num}"

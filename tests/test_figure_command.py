@@ -76,6 +76,13 @@ def test_what_cannot_be_drawn_is_refused(runs, tmp_path):
     assert not output.exists()
 
 
+def test_a_width_without_room_for_the_figure_is_refused(runs, tmp_path):
+    words = ["figure", runs / "evaluated", "trajectories", "-o", tmp_path / "narrow.png", "--width"]
+    assert "--width" in refused(*words, "60")
+    assert not (tmp_path / "narrow.png").exists()
+    done(*words, "180")
+
+
 def test_a_figure_of_a_multirun_is_drawn_again(here):
     words = ["hebbian.N=0.0002,0.002", "scenario=highlight", "repeats=1", "lifetime.duration_s=1", "-q"]
     done("evaluate", "-m", *words, "lifetime.record_every=0", "hydra.sweep.dir=many")

@@ -17,7 +17,7 @@ from epuckhebb.analysis.page import study_page
 from epuckhebb.analysis.tables import Table, code, plain
 from epuckhebb.cli.console import report_errors
 from epuckhebb.config import overrides
-from epuckhebb.runtime.errors import USAGE
+from epuckhebb.runtime.errors import USAGE, ConfigError
 from epuckhebb.runtime.resources import data_folder
 
 PACKAGE = Path(epuckhebb.__file__).parent
@@ -129,3 +129,19 @@ def test_a_folder_with_runs_in_it_where_one_run_is_wanted():
     assert "many" in result.stderr
     Path("empty").mkdir()
     assert "Errno" not in call("show", "empty").stderr
+
+
+@pytest.mark.parametrize(
+    ("command", "word", "suggested"),
+    [
+        ("evaluate", "hebian.N=0.1", ["hebbian.N"]),
+        ("evaluate_environment", "fitness.function=return", []),
+        ("evaluate_environment", "lifetime.record_every=1", []),
+        ("evaluate_environment", "figures.function=none", ["figures"]),
+    ],
+)
+def test_a_key_that_is_suggested_is_one(command, word, suggested):
+    with pytest.raises(ConfigError) as told:
+        overrides.check_words(command, [word])
+    assert re.findall(r"Did you mean ([\w.]+)\?", str(told.value)) == suggested
+    overrides.check_words(command, [f"{key}={word.partition('=')[2]}" for key in suggested])

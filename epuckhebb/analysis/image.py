@@ -4,6 +4,7 @@ Figures are opaque and white with a margin, so that they can be read on a dark p
 """
 
 import io
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -62,13 +63,21 @@ def image(figure: Figure, kind: str = "png", width_mm: float | None = None) -> b
 
     kind: png, svg or pdf. width_mm: of the file; None for the width of the drawing. Letters shrink with it, down to 6
     points.
+
+    Raises:
+        ValueError: There is no room for what is drawn beside its letters.
     """
     if width_mm:
         _resize(figure, width_mm)
     buffer = io.BytesIO()
     dpi = 300 if width_mm else 120
-    with rc_context({"svg.hashsalt": "epuckhebb", "pdf.fonttype": 42}):  # letters stay letters, as publishers ask
-        figure.savefig(buffer, format=kind, dpi=dpi, metadata=_NO_DATE[kind])
+    # Letters stay letters, as publishers ask.
+    with rc_context({"svg.hashsalt": "epuckhebb", "pdf.fonttype": 42}), warnings.catch_warnings():
+        warnings.filterwarnings("error" if width_mm else "default", "constrained_layout not applied")
+        try:
+            figure.savefig(buffer, format=kind, dpi=dpi, metadata=_NO_DATE[kind])
+        except UserWarning as error:
+            raise ValueError(f"this figure has no room in {width_mm:g} mm; give more") from error
     return buffer.getvalue()
 
 

@@ -14,7 +14,7 @@ from rich.console import Console
 from typer.core import TyperCommand
 
 from epuckhebb.cli.console import Terminal, json_text, report_errors
-from epuckhebb.runtime import LATEST, ConfigError, be_quiet, refusing, working
+from epuckhebb.runtime import LATEST, ConfigError, be_quiet, refusing, say, working
 
 
 class Command(TyperCommand):
@@ -161,7 +161,7 @@ def resolve_genomes(overrides: list[str] | None, *, resumes: bool = False) -> li
     A run then notes which evolution it used, whatever evolves later. resumes: whether the command has a key `resume`.
     """
     from epuckhebb.config import quoted, readable
-    from epuckhebb.store import resolve_run
+    from epuckhebb.store import CHECKPOINT, Run, resolve_run
 
     words = readable(overrides or [])
     for place, word in enumerate(words):
@@ -172,4 +172,8 @@ def resolve_genomes(overrides: list[str] | None, *, resumes: bool = False) -> li
             folder = str(resolve_run(LATEST, "evolve"))
             path = folder if key == "resume" else quoted(folder)
             words[place] = f"{key}={','.join(path if choice == LATEST else choice for choice in choices)}"
+        if key in ("genome", "start"):
+            for run in (Run(Path(choice)) for choice in words[place].partition("=")[2].split(",")):
+                if run.has(CHECKPOINT) and (reason := run.unfinished):
+                    say(f"{key}: {reason}")
     return words

@@ -1,5 +1,6 @@
 """Reads the overrides of a command line as Hydra does, and writes values, and the keywords of Python, as overrides."""
 
+import difflib
 import functools
 import glob
 import itertools
@@ -121,16 +122,16 @@ def check_words(command: str, words: Sequence[str], *, several: bool = False) ->
         if key not in known and key not in choices and not key.startswith(("hydra.", "hydra/", *open_keys)):
             verb, _, is_of_environment = command.partition("_")
             where = f"`epuckhebb {verb}`{' in an environment' if is_of_environment else ''}"
-            hint = did_you_mean(key, [*known, *_below(key, (*choices, *known))])
+            hint = did_you_mean(key, [*known, *_below(key, choices)])
             if key.startswith("environment.") and not is_of_environment:
                 hint = "; give environment=NAME, or genome=RUN of an evolution in one"
             raise ConfigError(f"there is no key {key} of {where}{hint}")
 
 
-def _below(key: str, groups: Iterable[str]) -> Iterator[str]:
-    """The key below each group: `hebian.N` may be that of `hebbian`, whose keys the schema does not know."""
+def _below(key: str, groups: Iterable[str]) -> list[str]:
+    """The key below groups of a similar name: `hebian.N` may be that of `hebbian`, whose keys no schema knows."""
     first, dot, rest = key.partition(".")
-    return (f"{group}.{rest}" for group in groups if dot and "." not in group and group != first)
+    return [f"{group}.{rest}" for group in difflib.get_close_matches(first, groups) if dot and group != first]
 
 
 @functools.cache

@@ -10,7 +10,7 @@ from epuckhebb.analysis.image import KINDS, image
 from epuckhebb.export import FIGURES
 from epuckhebb.export.replay import recording
 from epuckhebb.runs import figures, run_settings
-from epuckhebb.runtime import ConfigError
+from epuckhebb.runtime import ConfigError, refusing
 from epuckhebb.store import Run, load_genome, multirun_runs, write_atomic
 from epuckhebb.studies import sweep
 from epuckhebb.studies.study import find_study
@@ -69,5 +69,7 @@ def draw(path: Path, name: str, kind: str, width_mm: float | None, output: Path 
         raise ConfigError(f"{path} has the figures {', '.join(drawable)}; got {name}")
     drawn = _draw_run(run, name) if name in FIGURES and run.has(FIGURES[name]) else _draw_many(run)[name]
     target = output or path / "figures" / f"{name}.{kind}"
-    write_atomic(target, image(drawn, kind, width_mm))
+    with refusing(lambda error: f"--width: {error}"):
+        content = image(drawn, kind, width_mm)
+    write_atomic(target, content)
     return target

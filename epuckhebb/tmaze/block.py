@@ -185,7 +185,7 @@ class Block:
         where = f"{where}, controller {controller.name},"
         are_finite = np.isfinite(lives.weights).all(axis=1) & np.isfinite(tally["weight_change_sum"])
         are_finite &= np.isfinite(lives.synapse_state.view(np.float64)).all(axis=1)
-        what = f"{where} the rule {controller.rule.name} made weights infinite or nan"
+        what = f"{where} the rule {controller.rule.name} made weights infinite or nan; noticed"
         yield ~are_finite, LostRobotError, what, steps
         summed = tally["behaviour_sum"] + tally["path_length"] + tally["goal_distance"]
         what = f"{where} the robot's pose stopped being finite or left the arena"
