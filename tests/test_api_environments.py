@@ -266,3 +266,18 @@ def test_a_fitness_may_be_an_object(fitness, weight):
 def test_mistakes_are_value_errors(given, text):
     with pytest.raises(ValueError, match=text):
         epuckhebb.evaluate(np.zeros(48), **given, progress=False)
+
+
+@pytest.mark.parametrize(("change", "notes"), [({}, 0), ({"at": 20, "works": -1.0}, 0), ({"at": 20, "works": 1.0}, 1)])
+def test_a_change_that_changes_nothing_is_noted(champion, change, notes):
+    genes, _ = champion
+    own = {"id": Room, "horizon": 40, "changes": [change] if change else []}
+    result = epuckhebb.evaluate(genes, environment=own, repeats=2, progress=False)
+    assert sum("works" in note for note in result.notes) == notes
+    assert all(note in repr(result) for note in result.notes)
+
+
+def test_lifetimes_that_end_before_the_change_are_noted():
+    own = {"id": "CartPole-v1", "horizon": 400, "changes": [{"at": 399, "gravity": 20.0}]}
+    result = epuckhebb.evaluate(np.zeros(7), environment=own, network={"layers": [4, 1, 2]}, repeats=2, progress=False)
+    assert any("0 of 2 lifetimes" in note for note in result.notes)

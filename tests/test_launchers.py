@@ -123,7 +123,7 @@ def test_a_job_that_slurm_loses_costs_itself_where_there_are_no_accounts(monkeyp
 def test_an_evolution_whose_time_ends_goes_on_as_often_as_it_may(monkeypatch):
     """SLURM's signal before a limit comes twice: the job begins again once, is then stopped, and can go on."""
     monkeypatch.setattr("epuckhebb.runs.slurm._LOOK_S", 1.0)
-    few = ["ga.generations=1500", "ga.population=10", "ga.loops=1", "lifetime.duration_s=20", "figures=none"]
+    few = ["ga.generations=600", "ga.population=10", "ga.loops=1", "lifetime.duration_s=20", "figures=none"]
     on_slurm = ["hydra/launcher=slurm", "hydra.launcher.mem_gb=1", "hydra.launcher.timeout_min=5"]
     words = ["evolve", "-m", "seed=1", *few, *on_slurm, "hydra.launcher.max_num_timeout=1", "hydra.sweep.dir=out"]
     states = []
@@ -131,9 +131,14 @@ def test_an_evolution_whose_time_ends_goes_on_as_often_as_it_may(monkeypatch):
     def state():
         return Run(Path("out/0")).recorded_status.get("state")
 
+    def generation():
+        file = Path("out/0/checkpoint.npz")
+        return file.stat().st_mtime_ns if file.exists() else None
+
     def end_its_time():
         for _ in range(2):
-            while state() != "running" or not Path("out/0/checkpoint.npz").exists():
+            before = generation()
+            while state() != "running" or generation() == before:
                 if state() == "finished":
                     return  # too fast a machine for these generations
                 time.sleep(0.1)

@@ -36,7 +36,7 @@ from epuckhebb.runs import (
     settings_but_seed,
     settings_of,
 )
-from epuckhebb.runtime import ConfigError, bar, be_quiet, conf, refusing, thread_count
+from epuckhebb.runtime import ConfigError, bar, be_quiet, conf, refusing, say, thread_count
 from epuckhebb.store import load_genome, resolve_run
 
 Genes = NDArray[np.float64]
@@ -137,6 +137,8 @@ def evolve(*overrides: str, config_dir: str | Path | None = None, progress: bool
     config = load_any("evolve", make_overrides(overrides, keys), _folder(config_dir))
     config = _take(config, rule)
     prepared = prepare_evolution(config)
+    for note in prepared.world.notes():
+        say(note)
     prepared.compile()
     threads = thread_count(config.threads)
     *_, last = generations = list(prepared.generations(threads))

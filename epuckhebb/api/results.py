@@ -12,6 +12,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from epuckhebb.analysis.environments import unreached
 from epuckhebb.analysis.evaluate import TRIALS
 from epuckhebb.analysis.image import image
 from epuckhebb.export.replay import Recording, recording_page
@@ -94,8 +95,11 @@ class Evaluation:
         return [{str(name): value for name, value in row.items()} for row in self.metrics.to_dict("records")]
 
     @property
-    def _notes(self) -> list[str]:
-        return self.prepared.world.notes(self.genome)
+    def notes(self) -> list[str]:
+        """What a reader must know beside the table, a line for each note: as that a change changes nothing."""
+        notes = self.prepared.world.notes(self.genome)
+        has_change = "reached" in self.table and bool(self.metrics.change.any())
+        return [*notes, *(unreached(self.table.reset_index()) if has_change else ())]
 
     @cached_property
     def table(self) -> pd.DataFrame:
@@ -144,15 +148,15 @@ class Evaluation:
             return Film(film)
         title = caption(self.config, genome.name)
         return Page(
-            recording_page(Recording(self.recorded, genome.weights, genome.network, self.config, title, self._notes))
+            recording_page(Recording(self.recorded, genome.weights, genome.network, self.config, title, self.notes))
         )
 
     def __repr__(self) -> str:
         """The table, and what a reader must know beside it."""
-        return "\n".join([str(self.table), *self._notes])
+        return "\n".join([str(self.table), *self.notes])
 
     def _repr_html_(self) -> str:
-        return "".join([self.table.to_html(), *(f"<p>{html.escape(note)}</p>" for note in self._notes)])
+        return "".join([self.table.to_html(), *(f"<p>{html.escape(note)}</p>" for note in self.notes)])
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -38,6 +38,8 @@ def refusing(
     except ConfigError:
         raise
     except kinds as error:
+        if is_of_handler(error):  # SLURM's signal came meanwhile
+            raise
         raise ConfigError(message(error)) from error
 
 
