@@ -3,13 +3,14 @@
 import logging
 import os
 import pickle
+import signal
 from contextlib import suppress
 from types import SimpleNamespace
 
 import pytest
 
 from epuckhebb.runs import slurm
-from epuckhebb.runtime import ConfigError
+from epuckhebb.runtime import ConfigError, refusing
 
 
 @pytest.fixture
@@ -125,3 +126,17 @@ def test_what_goes_on_after_an_interruption_is_said_with_how_to_end_it(queue, tm
             end(watched, job)
         raise KeyboardInterrupt
     assert ("scancel 7" in capsys.readouterr().err) == (len(ended) < 3)
+
+
+def test_a_signal_that_comes_while_something_is_read_is_its_own_reason():
+    """As submitit does where a job has run out of time; what is read is not at fault."""
+
+    def end(*_):
+        raise RuntimeError("timed out too many times")
+
+    before = signal.signal(signal.SIGUSR2, end)
+    try:
+        with pytest.raises(RuntimeError), refusing(lambda _: "the file cannot be read", Exception):
+            signal.raise_signal(signal.SIGUSR2)
+    finally:
+        signal.signal(signal.SIGUSR2, before)
