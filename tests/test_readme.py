@@ -63,7 +63,7 @@ FINDINGS = [  # a sentence, and the counts that stand in it, each with the metho
         "In a [changed world](docs/evolve_or_adapt.md), evolution that goes on from the champion recovers **{}** "
         "pairs of champion and world in 80 simulated hours; from scratch {}; plasticity, in a lifetime, {}, shuffled "
         "signs {}. Among the paper's own two changes it is {own[evolution]}, {own[scratch]}, {own[Hebbian]} and "
-        "{own[shuffled]}. Evolution then fails in the training world in {own[forgets]}.",
+        "{own[shuffled]}. Evolution from the champion then fails in the training world in {own[forgets]}.",
         [
             ("evolve_or_adapt/ways", "recovered", "cases", {"world": "all", "way": way, "controller": name} | at)
             for way, name, at in (

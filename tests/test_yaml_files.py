@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import yaml
 from cases import done, first_of, refused
+from omegaconf import OmegaConf
 
 import epuckhebb
 from epuckhebb.config.compose import composed
@@ -187,3 +188,14 @@ def test_a_file_is_read_each_time_wherever_it_is(mine, name):
 def test_a_time_of_a_change_is_a_number(value):
     with pytest.raises(ValueError, match="at_s must be more than 0"):
         epuckhebb.evaluate(scenario={"changes": [{"at_s": value, "light": 1.0}]}, progress=False)
+
+
+@pytest.mark.parametrize(
+    "text", ["1e5", "010", "0x10", "1:30", "on", "y", "nan", "null", "~", "2026-01-01", "a: b", ""]
+)
+def test_a_text_that_is_written_is_read_as_this_text(text, tmp_path):
+    """By the program, and by OmegaConf, with which it may be given again."""
+    file = tmp_path / "settings.yaml"
+    file.write_text(yaml_file.dump({"key": text, "list": [text, 1, 0.5, None, True]}))
+    for values in (yaml_file.load(file), OmegaConf.to_container(OmegaConf.load(file))):
+        assert values == {"key": text, "list": [text, 1, 0.5, None, True]}

@@ -256,7 +256,7 @@ def study_job(cfg: Any) -> None:
     folder, which is renamed afterwards, and facts for `provenance.json`. A job that fails leaves its reason there, and
     the next one is done.
     """
-    first, (*runs,) = hydra.output_folder(), map(str, cfg.job)
+    first, runs = hydra.output_folder(), [str(run) for run in cfg.job]
     stamp = first.name.removesuffix(runs[0])
     for run in runs:
         attempt = first.with_name(f"{stamp}{run}")
